@@ -15,6 +15,12 @@ use serde::Serialize;
 /// later minor versions, whose messages may be longer.
 pub const PAYLOAD_MAX: usize = 192;
 
+/// The CRC-32 of bytes, as frames have it.
+#[must_use]
+pub(crate) fn checksum(bytes: &[u8]) -> u32 {
+    CRC.checksum(bytes)
+}
+
 /// Bytes of the CRC behind the payload.
 const CRC_BYTES: usize = 4;
 

@@ -1,6 +1,8 @@
 //! What both ends of a palpate link agree on.
 //!
 //! - [`units`]: counts, device time and sample numbers, each a type of its own; [`status`]: what qualifies samples;
+//! - [`force`]: counts to force in integers, the same on both ends;
+//! - [`front_ends`]: what is known of each kind of converter, by table;
 //! - `wire`: the messages; `frame`: the frames that carry them over a serial line (feature `wire`, on by default);
 //! - `sim` (feature `sim`): the simulated finger and its front-end.
 //!
@@ -12,8 +14,10 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod force;
 #[cfg(feature = "wire")]
 pub mod frame;
+pub mod front_ends;
 #[cfg(feature = "sim")]
 pub mod sim;
 pub mod status;

@@ -22,6 +22,8 @@ use serde::de::IntoDeserializer;
 use serde::{Deserialize, Deserializer, Serialize};
 
 pub use self::decode::{CommandRead, DecodeError, NewerMessage};
+pub use crate::force::ForceMatrix;
+pub use crate::front_ends::FrontEndKind;
 pub use crate::status::Status;
 
 use crate::frame;
@@ -31,9 +33,10 @@ use crate::units::{Counts, DeviceTime, Seq};
 mod decode;
 
 /// The version that this code speaks.
-pub const PROTOCOL: ProtocolVersion = ProtocolVersion { major: 1, minor: 2 };
+pub const PROTOCOL: ProtocolVersion = ProtocolVersion { major: 1, minor: 5 };
 
-/// Bytes of a frame on the front-end's bus, as [`Request::RawFrame`] has it.
+/// Bytes of a frame on the front-end's bus, as [`Request::RawFrame`] has it. Of a front-end with longer frames these are
+/// the first; zeros follow them, and what comes in beyond them is left out.
 pub const RAW_FRAME_BYTES: usize = 12;
 
 /// Samples in a full block: 2 ms at 4 kHz, and 65 bytes on the line for a typical load.
@@ -67,6 +70,12 @@ pub enum FromDevice {
     Reply(Reply),
     /// The board's temperature, about once a second where the board has a sensor.
     Temperature(Temperature),
+    /// Slow channels of a front-end that has such, a mean of [`SLOW_CONVERSIONS`]. Since version 1.3.
+    SlowChannels(SlowChannels),
+    /// Digital inputs that changed while streaming, and what they were at its start. Since version 1.4.
+    Inputs(Inputs),
+    /// The mean force over a block that was sent just before, where a host asked for forces. Since version 1.5.
+    Force(MeanForce),
 }
 
 /// Who the device is and how it is set.
@@ -143,13 +152,6 @@ pub struct FrontEnd {
     pub kind: FrontEndKind,
     /// What its ID register said at start-up; 0 if it did not answer.
     pub id_word: u16,
-}
-
-/// A kind of analogue front-end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum FrontEndKind {
-    /// Texas Instruments ADS131M02: two channels at once, 24 bit.
-    Ads131m02,
 }
 
 /// What one of the two counts of a sample measures.
@@ -308,6 +310,51 @@ pub struct Temperature {
     pub centi_celsius: i16,
 }
 
+/// Conversions that a [`SlowChannels`] message is the mean of.
+pub const SLOW_CONVERSIONS: u16 = 256;
+
+/// What the slow channels of a front-end gave on average; [`crate::front_ends::SlowCircuit`] says what they are wired to.
+///
+/// Sent whether or not samples are streamed. Conversions that are not settled are left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SlowChannels {
+    /// When the last of the conversions became ready.
+    pub time: DeviceTime,
+    /// What holds for them: [`Status::SIMULATED`] or nothing.
+    pub status: Status,
+    /// Mean code of the channel that sees the bridges' excitation, rounded to zero.
+    pub excitation: Counts,
+    /// Mean code of the channel that sees the NTC.
+    pub ntc: Counts,
+}
+
+/// The mean force over a block's samples, as the device computes it from its matrix ([`ForceMatrix::force_un`]).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MeanForce {
+    /// Number of the block's first sample.
+    pub first: Seq,
+    /// When the block's first sample became ready.
+    pub time: DeviceTime,
+    /// How many samples it is the mean of.
+    pub samples: u8,
+    /// What holds for the samples; of saturated or unsettled ones the force says nothing.
+    pub status: Status,
+    /// Force on x and y of the finger, in µN.
+    pub force_un: [i32; 2],
+}
+
+/// Levels of the board's eight digital inputs, read with each sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Inputs {
+    /// When the sample became ready with which they were first read so. The last change happened since the sample before.
+    pub time: DeviceTime,
+    /// A bit for each input, 1 for high.
+    pub levels: u8,
+    /// Changes since the message before, at least one of each input that changed: more than 1 where several came at once, or
+    /// faster than they are told. 0 at the start of the stream.
+    pub changes: u16,
+}
+
 /// The number by which a host knows a command's reply.
 ///
 /// Hosts draw their first one at random and count up, so that a device never takes a new host's
@@ -390,6 +437,25 @@ pub enum Request {
         /// What goes out.
         bytes: [u8; RAW_FRAME_BYTES],
     },
+    /// Keep this matrix until the next start. Not while streaming. Since version 1.5, as are the next three.
+    SetForceMatrix {
+        /// The matrix, its tare included.
+        matrix: ForceMatrix,
+        /// [`ForceMatrix::checksum`] of it, as the host has it.
+        checksum: u32,
+    },
+    /// Take what both bridges read at rest to be this, also while streaming.
+    SetForceTare {
+        /// In sixteenths of a count.
+        tare: [i32; 2],
+    },
+    /// Send the mean force with each block, or do not.
+    StreamForces {
+        /// Whether to.
+        on: bool,
+    },
+    /// Which matrix do you keep?
+    ForceMatrix,
 }
 
 /// A way to fail on purpose.
@@ -448,6 +514,8 @@ pub enum Outcome {
         /// As they came, unchecked.
         bytes: [u8; RAW_FRAME_BYTES],
     },
+    /// What [`Request::ForceMatrix`] asks for; `None` if there is none. Since version 1.5.
+    ForceMatrix(Option<ForceMatrix>),
 }
 
 /// Why a device did not do what it was asked to.
@@ -494,6 +562,10 @@ pub enum Refusal {
     NotOnThisBoard,
     /// Not while samples are streamed. Since version 1.2.
     Streaming,
+    /// The checksum is not the matrix's, or a number of it is larger than the arithmetic bears. Since version 1.5.
+    MatrixDamaged,
+    /// There is no matrix: it is lost at each start. Since version 1.5.
+    NoForceMatrix,
 }
 
 /// What the self-test found.
@@ -712,13 +784,17 @@ mod tests {
         }
     }
 
+    fn force_matrix() -> ForceMatrix {
+        ForceMatrix { entries: [[1, -2], [3, 4]], tare: [-5, 6] }
+    }
+
     /// Every message a device can send, with its payload worked out by hand from the rules in the header.
     fn from_device_golden() -> List<(FromDevice, &'static str)> {
         let event = |kind| FromDevice::Event(Event { time: DeviceTime(128), kind });
         let reply = |outcome| FromDevice::Reply(Reply { id: CommandId(7), outcome });
         let refused = |refusal| reply(Outcome::Refused(refusal));
         let hello_fields = concat!(
-            "0102000102",
+            "0105000102",
             "70616c706174652d30303031",
             "0a53544d33322d48343035",
             "008345",
@@ -738,7 +814,7 @@ mod tests {
         std::vec![
             (
                 FromDevice::Hello(hello()),
-                "000102000102\
+                "000105000102\
               70616c706174652d303030310a53544d33322d4834303500834500000100a01f20809f49c413000080a038000000"
             ),
             (FromDevice::Block(block()), "01ac02f8c904090201 7e86c206ffffff07"),
@@ -761,7 +837,7 @@ mod tests {
                 "0307041f0883458 30a90a10f",
             ),
             (reply(Outcome::Counters(counters())), "0307050102030405060708090a0b0c"),
-            (refused(Refusal::OtherProtocol { device: PROTOCOL }), "030706000102"),
+            (refused(Refusal::OtherProtocol { device: PROTOCOL }), "030706000105"),
             (refused(Refusal::UnknownRequest), "03070601"),
             (refused(Refusal::RateNotPossible { slowest_hz: 500, fastest_hz: 8000 }), "03070602f403c03e"),
             (refused(Refusal::LinkTooSlow { fastest_hz: 1000 }), "03070603e807"),
@@ -773,6 +849,20 @@ mod tests {
             (refused(Refusal::Busy), "03070609"),
             (refused(Refusal::NotOnThisBoard), "0307060a"),
             (refused(Refusal::Streaming), "0307060b"),
+            (refused(Refusal::MatrixDamaged), "0307060c"),
+            (refused(Refusal::NoForceMatrix), "0307060d"),
+            (reply(Outcome::ForceMatrix(None)), "03070a00"),
+            (reply(Outcome::ForceMatrix(Some(force_matrix()))), "03070a01 02 03 06 08 09 0c"),
+            (
+                FromDevice::Force(MeanForce {
+                    first: Seq(300),
+                    time: DeviceTime(128),
+                    samples: 8,
+                    status: Status::SIMULATED,
+                    force_un: [2_000_000, -1],
+                }),
+                "07ac02800108 01 8092f401 01",
+            ),
             (reply(Outcome::LastFault(None)), "03070700"),
             (reply(Outcome::LastFault(Some(fault()))), "030707 01 00 3c a01f 00 00 00 09 6d61696e2e72733a37"),
             (
@@ -792,6 +882,16 @@ mod tests {
                 "030709 050000 000001 fffffe 9ffc00"
             ),
             (FromDevice::Temperature(Temperature { time: DeviceTime(1), centi_celsius: -250 }), "0401f303"),
+            (
+                FromDevice::SlowChannels(SlowChannels {
+                    time: DeviceTime(1),
+                    status: Status::SIMULATED,
+                    excitation: Counts(64),
+                    ntc: Counts(-1),
+                }),
+                "0501018001 01",
+            ),
+            (FromDevice::Inputs(Inputs { time: DeviceTime(128), levels: 0x85, changes: 300 }), "06800185ac02"),
         ]
     }
 
@@ -819,6 +919,13 @@ mod tests {
                 Request::RawFrame { bytes: [0xA0, 0, 0, 0x71, 0, 0, 0, 0, 0, 0, 0, 0] },
                 "01ac020ea00000710000000000000000",
             ),
+            (
+                Request::SetForceMatrix { matrix: force_matrix(), checksum: 0xA69B_0E0E },
+                "01ac020f02030608090c8e9cecb40a",
+            ),
+            (Request::SetForceTare { tare: [-5, 6] }, "01ac0210090c"),
+            (Request::StreamForces { on: true }, "01ac021101"),
+            (Request::ForceMatrix, "01ac0212"),
         ]
     }
 
@@ -877,7 +984,7 @@ mod tests {
         let event = NewerMessage::Event;
         let reply = NewerMessage::Reply { id: CommandId(300), device: None };
         let known = std::vec![
-            ("message", "05 010203".to_string(), NewerMessage::Kind { variant: 5 }),
+            ("message", "64 010203".to_string(), NewerMessage::Kind { variant: 100 }),
             ("message with a number of two bytes", "ac02 01".to_string(), NewerMessage::Kind { variant: 300 }),
             ("event", "02 8001 05".to_string(), event),
             ("event with fields", "02 8001 05 e807 01".to_string(), event),
@@ -889,7 +996,7 @@ mod tests {
             ("cause of a fault", "03 ac02 07 01 04 3c a01f 00 00 00 09 6d61696e2e72733a37".to_string(), reply),
         ];
         let words = [
-            ("front-end", [1, 0, 0, 1, 0, 0, 0, 0]),
+            ("front-end", [2, 0, 0, 1, 0, 0, 0, 0]),
             ("axis of channel 0", [0, 2, 0, 1, 0, 0, 0, 0]),
             ("bridge of channel 0", [0, 0, 2, 1, 0, 0, 0, 0]),
             ("axis of channel 1", [0, 0, 0, 2, 0, 0, 0, 0]),
@@ -1025,7 +1132,7 @@ mod tests {
     #[test]
     fn names_print_as_a_person_reads_them() {
         assert_eq!(hello().device.to_string(), "70616c706174652d30303031");
-        assert_eq!(format!("{} {}", hello().firmware, PROTOCOL), "0.1.2 1.2");
+        assert_eq!(format!("{} {}", hello().firmware, PROTOCOL), "0.1.2 1.5");
     }
 
     proptest! {

@@ -8,11 +8,13 @@ use std::collections::BTreeMap;
 
 use palpate_device::simulated::SimulatedOnly;
 use palpate_device::wire_reader::{MessageReader, ReaderCounts};
+use palpate_firmware_core::ads131m::Ads131m02;
 use palpate_firmware_core::{ConverterClock, Device, DeviceSettings, Identity, Queues, Sampler};
 use palpate_shared::sim::{FingerConfig, SimulatedFrontEnd};
 use palpate_shared::units::DeviceTime;
 use palpate_shared::wire::{
-    Axis, Bridge, Channel, ClockSource, Command, CommandRead, Counters, DeviceId, FromDevice, RestartReason, Source,
+    Axis, Bridge, Channel, ClockSource, Command, CommandRead, Counters, DeviceId, FromDevice, FrontEndKind,
+    RestartReason, Source,
 };
 
 use crate::oracle;
@@ -95,7 +97,7 @@ impl Board {
         let mut queues = Queues::new();
         let (sampler_end, device_end) = queues.split();
         let mut sampler = Sampler::new(
-            SimulatedOnly::new(&front_end),
+            Ads131m02::new(SimulatedOnly::new(&front_end)),
             sampler_end,
             DeviceSettings::at_start(0, ConverterClock::NOMINAL),
         );
@@ -138,6 +140,7 @@ fn identity() -> Identity {
         link_baud: 0,
         restart: RestartReason::PowerOn,
         restarts: 0,
+        front_end: FrontEndKind::Ads131m02,
         converter_clock: ConverterClock::NOMINAL,
         excitation_mv: 2500,
         channels: [Axis::X, Axis::Y].map(|axis| Channel { axis, bridge: Bridge::Half }),

@@ -5,6 +5,7 @@ use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
+use crate::dist;
 use crate::emulator::{self, Serial};
 use crate::image::{self, Image, TARGET};
 use crate::toolchain;
@@ -28,10 +29,14 @@ const IMAGE_VARIABLE: &str = "PALPATE_FIRMWARE";
 /// How the firmware commands are used.
 pub(crate) const USAGE: &str = "       cargo xtask firmware build            build the board's image
        cargo xtask firmware lint             check the code that only the board's target compiles
+       cargo xtask firmware ports            check that the core compiles for other processors than the board's
        cargo xtask firmware flash            build it and put it onto a board, through a debug probe
        cargo xtask firmware emulate [--pty]  build it and run it in the emulator, until interrupted
        cargo xtask firmware emulate --test   build it and run the end-to-end test on it
        cargo xtask firmware size             build it, print its size, count its instructions in the emulator";
+
+/// Names the converter that an image is built for.
+const FRONT_END_VARIABLE: &str = "PALPATE_FRONT_END";
 
 /// Exit status where no compiler builds for the board, by sysexits.h "unavailable".
 const NO_COMPILER: u8 = 69;
@@ -44,6 +49,7 @@ pub(crate) fn run(words: &[&str]) -> Option<ExitCode> {
     let result = match words {
         ["build"] => build().map(|image| println!("{}", image.display())),
         ["lint"] => lint(),
+        ["ports"] => ports(),
         ["flash"] => build().and_then(|image| flash(&image)),
         ["emulate"] => build().and_then(|image| emulate(&image, false)),
         ["emulate", "--pty"] => build().and_then(|image| emulate(&image, true)),
@@ -86,15 +92,57 @@ pub(crate) fn lint() -> Result<(), Failed> {
     finish(cargo.args(["--package", "palpate-firmware-usb", "--", "-D", "warnings"]))
 }
 
+/// Processors that the firmware's core has to compile for, so that another board needs a board package only: Cortex-M0
+/// (no compare-and-swap), Cortex-M33, and a RISC-V without atomic instructions.
+const PORTS: [&str; 3] = ["thumbv6m-none-eabi", "thumbv8m.main-none-eabihf", "riscv32imc-unknown-none-elf"];
+
+/// Compiles the core, its log lines and the simulated finger too, for every one of [`PORTS`].
+fn ports() -> Result<(), Failed> {
+    for target in PORTS {
+        let Some(mut cargo) = toolchain::cargo_for(target, "check", &image::folder_in(&target_folder())) else {
+            return fail(&format!("no compiler here builds for {target}; {}", toolchain::REMEDY))
+                .map_err(|Failed(_)| Failed(NO_COMPILER));
+        };
+        cargo.args(["--package", "palpate-firmware-core", "--package", "palpate-shared"]);
+        cargo.args(["--features", "palpate-firmware-core/defmt,palpate-shared/sim"]);
+        finish(&mut cargo)?;
+        println!("{target}: compiles");
+    }
+    Ok(())
+}
+
 /// Builds the image.
 fn build() -> Result<PathBuf, Failed> {
+    build_with(&[])
+}
+
+/// Builds the image with variables set.
+fn build_with(variables: &[(&str, &str)]) -> Result<PathBuf, Failed> {
     let target = target_folder();
     let Some(mut cargo) = toolchain::cargo("build", &image::folder_in(&target)) else {
         return fail(&format!("no compiler here builds for {TARGET}; {}", toolchain::REMEDY))
             .map_err(|Failed(_)| Failed(NO_COMPILER));
     };
-    finish(&mut cargo)?;
+    finish(cargo.envs(variables.iter().copied()))?;
     Ok(image::path_in(&target))
+}
+
+/// Builds the images of a release.
+pub(crate) fn dist() -> Result<(), Failed> {
+    let folder = dist::write(&target_folder(), |front_end| {
+        // For the build that follows, which is of this process alone.
+        let image = build_with(&[(FRONT_END_VARIABLE, front_end)])
+            .map_err(|Failed(_)| format!("the image for the {front_end} was not built"))?;
+        let contents = image::flash_contents(&image).map_err(|error| format!("{}: {error}", image.display()))?;
+        Ok((image, contents))
+    });
+    match folder {
+        Ok(folder) => {
+            println!("{}", folder.display());
+            Ok(())
+        }
+        Err(error) => fail(&error),
+    }
 }
 
 /// Puts the image onto a board and shows its log.

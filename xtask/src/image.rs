@@ -17,6 +17,15 @@ const SYMBOLS: u32 = 2;
 /// A section's type: it takes memory, but nothing in the file.
 const NO_BITS: u32 = 8;
 
+/// A program header's type: a part that is loaded.
+const LOADED: u32 = 1;
+
+/// Where the flash begins.
+const FLASH_START: u32 = 0x0800_0000;
+
+/// What an erased byte of flash reads.
+const ERASED: u8 = 0xFF;
+
 /// Where the RAM begins, flash being below.
 const RAM_START: u32 = 0x2000_0000;
 
@@ -156,6 +165,35 @@ impl Image {
                 .collect(),
         })
     }
+}
+
+/// What an ELF file puts into the flash, from the flash's beginning; what lies between its parts reads as erased.
+///
+/// # Errors
+/// [`NotAnImage`].
+pub(crate) fn flash_contents(path: &Path) -> Result<Vec<u8>, NotAnImage> {
+    let bytes = Bytes(std::fs::read(path).map_err(NotAnImage::Unreadable)?);
+    loaded(&bytes).ok_or(NotAnImage::OtherKind)
+}
+
+/// By the program headers, which say where a part is kept as well as where it is used.
+fn loaded(bytes: &Bytes) -> Option<Vec<u8>> {
+    bytes.sections()?;
+    let (start, size, count) = (bytes.word(28)? as usize, bytes.half(42)? as usize, bytes.half(44)? as usize);
+    let mut contents = Vec::new();
+    for at in (0..count).map(|index| start + index * size) {
+        let [kind, offset, kept_at, length] = [0, 4, 12, 16].map(|field| bytes.word(at + field));
+        let (offset, length) = (offset? as usize, length? as usize);
+        if kind? != LOADED || length == 0 {
+            continue;
+        }
+        let place = kept_at?.checked_sub(FLASH_START)? as usize;
+        if contents.len() < place + length {
+            contents.resize(place + length, ERASED);
+        }
+        contents[place..place + length].copy_from_slice(bytes.0.get(offset..offset + length)?);
+    }
+    Some(contents)
 }
 
 /// Whether a function of the compiler's run-time library computes in double precision.

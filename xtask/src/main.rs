@@ -2,10 +2,11 @@
 //! image. `cargo xtask fuzz`: a longer search for inputs that break a parser. `cargo xtask deny`: whose code is taken.
 //!
 //! `toolchain`: which compilers are there; `firmware`: builds the image; `image`: what is in it; `emulator`: runs it;
-//! `supply`: licences and sources of other people's code.
+//! `dist`: the files of a release; `supply`: licences and sources of other people's code.
 
 #![forbid(unsafe_code)]
 
+mod dist;
 mod emulator;
 mod firmware;
 mod image;
@@ -23,9 +24,23 @@ struct Check {
 }
 
 /// What CI runs before the README's test command, in order.
-const LINTS: [Check; 3] = [
+const LINTS: [Check; 4] = [
     Check { arguments: &["fmt", "--all", "--check"], environment: None },
     Check { arguments: &["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"], environment: None },
+    // The tool without what is not needed at every bench.
+    Check {
+        arguments: &[
+            "clippy",
+            "--package",
+            "palpate-cli",
+            "--no-default-features",
+            "--all-targets",
+            "--",
+            "-D",
+            "warnings",
+        ],
+        environment: None,
+    },
     Check {
         arguments: &["doc", "--workspace", "--no-deps", "--document-private-items"],
         environment: Some(("RUSTDOCFLAGS", "-D warnings")),
@@ -43,6 +58,7 @@ fn main() -> ExitCode {
         ["fuzz", target] => ended(fuzz(target, FUZZ_SECONDS)),
         ["fuzz", target, seconds] if seconds.parse::<u32>().is_ok() => ended(fuzz(target, seconds)),
         ["deny"] => supply::run(),
+        ["dist"] => ended(firmware::dist().map_err(|_| Failed)),
         ["firmware", rest @ ..] => firmware::run(rest).unwrap_or_else(usage),
         _ => usage(),
     }
@@ -96,6 +112,7 @@ fn usage() -> ExitCode {
         "       cargo xtask fuzz TARGET [SECONDS]     coverage-guided search with a nightly compiler, by default {FUZZ_SECONDS} s"
     );
     eprintln!("       cargo xtask deny                      licences, bans, sources and advisories, by cargo-deny");
+    eprintln!("       cargo xtask dist                      the images of a release, with checksums, in target/dist");
     eprintln!("{}", firmware::USAGE);
     ExitCode::from(64)
 }

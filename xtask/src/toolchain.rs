@@ -36,12 +36,12 @@ enum Toolchain {
 impl Toolchain {
     /// Has cargo bring the sources of dependencies: only then is it known where it keeps them. A failure is told by the
     /// build that follows.
-    fn fetch(&self) {
+    fn fetch(&self, target: &str) {
         let mut command = match self {
             Self::WithTarget => Command::new(own_cargo()),
             Self::WithSources { cargo, .. } => Command::new(cargo),
         };
-        command.args(["fetch", "--quiet", "--locked", "--target", TARGET]).stdout(Stdio::null()).stderr(Stdio::null());
+        command.args(["fetch", "--quiet", "--locked", "--target", target]).stdout(Stdio::null()).stderr(Stdio::null());
         let _ = command.status();
     }
 }
@@ -50,7 +50,20 @@ impl Toolchain {
 /// that is asked for.
 #[must_use]
 pub(crate) fn cargo(subcommand: &str, target_folder: &Path) -> Option<Command> {
-    let toolchain = find()?;
+    let mut command = cargo_for(TARGET, subcommand, target_folder)?;
+    command.args(["--package", PACKAGE, "--profile", "firmware"]);
+    command.env(FLAGS, remap(&source_folders()));
+    if env::var_os("DEFMT_LOG").is_none() {
+        // defmt's own default is `error`: every other line would be missing from the image.
+        command.env("DEFMT_LOG", "info");
+    }
+    Some(command)
+}
+
+/// The command that runs cargo for a target without an operating system; `None` as in [`cargo`].
+#[must_use]
+pub(crate) fn cargo_for(target: &str, subcommand: &str, target_folder: &Path) -> Option<Command> {
+    let toolchain = find(target)?;
     let mut command = match &toolchain {
         Toolchain::WithTarget => Command::new(own_cargo()),
         // By its own name, or the operating system's cargo would take rustup's.
@@ -59,17 +72,12 @@ pub(crate) fn cargo(subcommand: &str, target_folder: &Path) -> Option<Command> {
         }
         Toolchain::WithSources { cargo, .. } => Command::new(cargo),
     };
-    command.args([subcommand, "--package", PACKAGE, "--profile", "firmware", "--target", TARGET]);
-    command.arg("--target-dir").arg(target_folder);
-    toolchain.fetch();
-    command.env(FLAGS, remap(&source_folders()));
-    if env::var_os("DEFMT_LOG").is_none() {
-        // defmt's own default is `error`: every other line would be missing from the image.
-        command.env("DEFMT_LOG", "info");
-    }
+    command.args([subcommand, "--target", target]).arg("--target-dir").arg(target_folder);
+    toolchain.fetch(target);
     if let Toolchain::WithSources { rustc, linker, .. } = toolchain {
         command.arg("-Zbuild-std=core").env("RUSTC_BOOTSTRAP", "1").env("RUSTC", &rustc);
-        command.env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", linker);
+        let variable = target.to_uppercase().replace(['-', '.'], "_");
+        command.env(format!("CARGO_TARGET_{variable}_LINKER"), linker);
         if rustc == system() {
             // rustup, if this runs under it, would put its own compiler back.
             command.env_remove("RUSTUP_TOOLCHAIN").env_remove("RUSTC_WRAPPER").env("CARGO", system_cargo());
@@ -95,9 +103,9 @@ fn source_folders() -> Vec<PathBuf> {
     folders
 }
 
-fn find() -> Option<Toolchain> {
+fn find(target: &str) -> Option<Toolchain> {
     let own = PathBuf::from("rustc");
-    if answer(&own, &["--print", "target-libdir", "--target", TARGET]).is_some_and(|folder| has_core(&folder)) {
+    if answer(&own, &["--print", "target-libdir", "--target", target]).is_some_and(|folder| has_core(&folder)) {
         return Some(Toolchain::WithTarget);
     }
     let linker = [&own, &system()].into_iter().find_map(|rustc| linker_of(rustc))?;

@@ -77,7 +77,9 @@ fn flash_builds_the_image_and_hands_it_to_the_probe_with_the_chips_name() {
     let output = stage.xtask(&["firmware", "flash"]);
     assert!(output.status.success(), "{}", said(&output));
     let calls = stage.calls();
-    let build = calls.iter().position(|call| call.starts_with("cargo build --package palpate-firmware-board"));
+    let build = calls
+        .iter()
+        .position(|call| call.starts_with("cargo build ") && call.contains(" --package palpate-firmware-board "));
     let image = stage.folder.path().join("target/firmware/thumbv7em-none-eabihf/firmware/palpate-firmware");
     let run = format!("probe-rs run --chip STM32F405RG {}", image.display());
     let flash = calls.iter().position(|call| *call == run);
@@ -136,10 +138,13 @@ fn the_checks_install_the_emulator_where_it_is_missing_and_nothing_where_it_is_t
     assert!(output.status.success(), "{}", said(&output));
     let calls = stage.calls();
     let installs: Vec<&String> = calls.iter().filter(|call| call.starts_with("apt-get")).collect();
-    assert_eq!(installs, ["apt-get update", "apt-get install --yes --no-install-recommends qemu-system-arm"]);
+    let install = "apt-get install --yes --no-install-recommends";
+    let wanted = ["apt-get update".to_owned(), format!("{install} qemu-system-arm"), format!("{install} chromium")];
+    assert_eq!(installs.into_iter().cloned().collect::<Vec<_>>(), wanted);
     assert!(calls.iter().any(|call| call == "cargo xtask lint"), "{calls:#?}");
 
-    let stage = Stage::with_compiler(&[programs[0], programs[1], ("qemu-system-arm", "exit 0")]);
+    let there = [("qemu-system-arm", "exit 0"), ("chromium", "exit 0")];
+    let stage = Stage::with_compiler(&[programs[0], programs[1], there[0], there[1]]);
     assert!(stage.run(&script, &[]).status.success());
     assert!(!stage.calls().iter().any(|call| call.starts_with("apt-get")), "{:?}", stage.calls());
 }
@@ -195,7 +200,12 @@ fn the_checks_go_on_without_cargo_deny_but_not_past_what_it_finds_and_tell_their
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../.ci/run");
     let run = |failing: &[(&str, i32)]| {
         let cargo = cargo_with(failing);
-        let stage = Stage::with_compiler(&[("qemu-system-arm", "exit 0"), ("rustup", "exit 0"), ("cargo", &cargo)]);
+        let stage = Stage::with_compiler(&[
+            ("qemu-system-arm", "exit 0"),
+            ("chromium", "exit 0"),
+            ("rustup", "exit 0"),
+            ("cargo", &cargo),
+        ]);
         let output = stage.run(&script, &[]);
         (output.status.code(), stdout(&output), stage.calls())
     };

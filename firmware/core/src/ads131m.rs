@@ -1,12 +1,13 @@
-//! Driver of the ADS131M02, a converter with two channels at once.
+//! Driver of the ADS131M02 and the ADS131M04, converters with two and with four channels at once.
 //!
 //! A frame goes both ways at each transfer: out goes a command, in comes the response to the *previous*
-//! frame's command and the newest unread codes of both channels. Reading samples and reading registers
+//! frame's command and the newest unread codes of all channels. Reading samples and reading registers
 //! therefore share the same frames, and no sample is lost to a register access.
 //!
 //! Implements: TI SBAS853A (ADS131M02), sections on frames, commands and registers. SPI mode 1, words of 24
 //! bits, 4 words in a frame: `response | channel 0 | channel 1 | CRC` in, `command | CRC | 0 | 0` out
-//! (`command | value | CRC | 0` for a write). Both CRCs are CRC-16/CCITT with seed FFFF.
+//! (`command | value | CRC | 0` for a write). The ADS131M04 has two words more, of channels 2 and 3, which this driver
+//! sets to gain 1: its slow channels. Both CRCs are CRC-16/CCITT with seed FFFF.
 //! Assumes: chip select is driven by the [`SpiDevice`], which can also wait with chip select high ([`DelayNs`]); 12
 //! bytes take far less than a conversion. Where the datasheet leaves open when the chip does something, both ways will
 //! do: see [`Frame::is_new`] and `reset_transaction`; the tests run on a model of each.
@@ -30,13 +31,15 @@
 use crc::{CRC_16_CMS, CRC_16_IBM_3740, Crc, NoTable};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{Operation, SpiDevice};
+use palpate_shared::front_ends::FrontEndKind;
 use palpate_shared::units::Counts;
 
-use crate::settings::DeviceSettings;
+use crate::front_end::{Answer, Ask, FrontEnd, Reading, Registers, SelectSource, Trouble};
+use crate::settings::{DeviceSettings, Rate};
 
 /// Addresses of the registers used.
 pub mod register {
-    /// Identity: 22 in the upper byte.
+    /// Identity: 22 or 24 in the upper byte, the number of channels in its lower digit.
     pub const ID: u8 = 0x00;
     /// Status word; also the response to a NULL command.
     pub const STATUS: u8 = 0x01;
@@ -44,16 +47,14 @@ pub mod register {
     pub const MODE: u8 = 0x02;
     /// Channels on, oversampling ratio, power.
     pub const CLOCK: u8 = 0x03;
-    /// Gains of both channels.
+    /// Gains of all channels.
     pub const GAIN1: u8 = 0x04;
     /// The last address that a command can name.
     pub const LAST: u8 = 0x3F;
 }
 
-/// Upper byte of the ID register: a chip of this family with two channels.
-const ID_HIGH: u16 = 0x22;
-
-/// Response to the RESET command, and to anything first after a reset.
+/// Response of the ADS131M02 to the RESET command, and to anything first after a reset; its last digit is the number of
+/// channels.
 pub const RESET_DONE: u16 = 0xFF22;
 
 /// STATUS: the interface is locked.
@@ -68,19 +69,23 @@ const STATUS_RESET: u16 = 1 << 10;
 const STATUS_WORD_LENGTH: u16 = 0b11 << 8;
 /// STATUS: words of 24 bits.
 const STATUS_24_BIT: u16 = 0b01 << 8;
-/// STATUS: bits that are always 0.
-const STATUS_RESERVED: u16 = 0xFC;
-/// STATUS: both channels have codes that were not read yet.
-const STATUS_DATA_READY: u16 = 0b11;
+/// STATUS: a bit for each channel whose codes were not read yet; those of channels that are not there are always 0.
+const STATUS_DATA_READY: u16 = 0xFF;
 
 /// MODE as this driver writes it: input CRC on, no reset seen, 24-bit words, SPI time-out on.
 const MODE_VALUE: u16 = 1 << 12 | 0b01 << 8 | 1 << 4;
 
-/// CLOCK without its oversampling ratio: both channels on, high resolution.
-const CLOCK_BASE: u16 = 0b11 << 8 | 0b10;
+/// CLOCK without its oversampling ratio and channels: high resolution.
+const CLOCK_BASE: u16 = 0b10;
 
-/// Bytes of a frame.
+/// Bytes of the part of a frame that holds a command, its value and its checksum: a whole frame of the ADS131M02.
 pub const FRAME_BYTES: usize = palpate_shared::wire::RAW_FRAME_BYTES;
+
+/// Bytes of a word.
+const WORD_BYTES: usize = 3;
+
+/// Bytes of the longest frame, that of four channels.
+const FRAME_BYTES_MAX: usize = WORD_BYTES * (4 + 2);
 
 /// Pause after a reset, in ns, once with chip select low and once with it high: twice the datasheet's t_REGACQ of 5 µs.
 const AFTER_RESET_NS: u32 = 10_000;
@@ -93,8 +98,11 @@ const INIT_TRIES: u8 = 3;
 /// CRC-16/CCITT, seed FFFF: a table of 512 bytes.
 static CRC: Crc<u16> = Crc::<u16>::new(&CRC_16_IBM_3740);
 
+/// Bytes of a frame of four channels in the longest words.
+const RESET_BYTES_MAX: usize = 4 * (4 + 2);
+
 /// RESET in every word length and with both CRCs, for a chip whose MODE register is not what it should be.
-const RESETS: [[u8; 16]; 6] = [
+const RESETS: [[u8; RESET_BYTES_MAX]; 6] = [
     reset_frame::<2>(&Crc::<u16, NoTable>::new(&CRC_16_CMS)),
     reset_frame::<2>(&Crc::<u16, NoTable>::new(&CRC_16_IBM_3740)),
     reset_frame::<4>(&Crc::<u16, NoTable>::new(&CRC_16_CMS)),
@@ -104,10 +112,10 @@ const RESETS: [[u8; 16]; 6] = [
 ];
 
 /// A RESET command in words of `WORD` bytes, long enough for a whole frame of any length.
-const fn reset_frame<const WORD: usize>(crc: &Crc<u16, NoTable>) -> [u8; 16] {
+const fn reset_frame<const WORD: usize>(crc: &Crc<u16, NoTable>) -> [u8; RESET_BYTES_MAX] {
     let mut word = [0; WORD];
     [word[0], word[1]] = Command::Reset.word().to_be_bytes();
-    let mut frame = [0; 16];
+    let mut frame = [0; RESET_BYTES_MAX];
     [frame[0], frame[1]] = Command::Reset.word().to_be_bytes();
     [frame[WORD], frame[WORD + 1]] = crc.checksum(&word).to_be_bytes();
     frame
@@ -171,10 +179,16 @@ pub fn frame_of(command: u16, value: Option<u16>) -> [u8; FRAME_BYTES] {
     frame
 }
 
-/// Whether a frame that came in, in words of 24 bits, has the checksum of its response and codes.
+/// Whether a frame of the ADS131M02 that came in, in words of 24 bits, has the checksum of its response and codes.
 #[must_use]
 pub fn has_its_checksum(bytes: &[u8; FRAME_BYTES]) -> bool {
-    CRC.checksum(&bytes[..9]).to_be_bytes() == bytes[9..11]
+    checksum_fits(bytes)
+}
+
+/// Whether the last word of a frame is the checksum of those before.
+fn checksum_fits(frame: &[u8]) -> bool {
+    let (data, checksum) = frame.split_at(frame.len() - WORD_BYTES);
+    CRC.checksum(data).to_be_bytes() == checksum[..2]
 }
 
 /// An address where commands have it.
@@ -189,8 +203,10 @@ pub struct Frame {
     pub answers: Command,
     /// The 16 bits of the response.
     pub response: u16,
-    /// Codes of both channels.
+    /// Codes of the bridges' channels.
     pub counts: [Counts; 2],
+    /// Codes of channels 2 and 3, on a chip that has them.
+    pub slow: Option<[Counts; 2]>,
 }
 
 impl Frame {
@@ -200,7 +216,18 @@ impl Frame {
     /// them when the frame before ends, and then a conversion's own frame has them clear. The datasheet does not say.
     #[must_use]
     pub fn is_new(&self) -> Option<bool> {
-        (self.answers == Command::Null).then_some(self.response & STATUS_DATA_READY == STATUS_DATA_READY)
+        let all = self.ready_bits();
+        (self.answers == Command::Null).then_some(self.response & all == all)
+    }
+
+    /// STATUS of the chip that sent it while all channels have unread codes.
+    fn ready_bits(&self) -> u16 {
+        if self.slow.is_some() { 0b1111 } else { 0b11 }
+    }
+
+    /// STATUS: bits that are always 0 on the chip that sent it.
+    fn reserved_bits(&self) -> u16 {
+        STATUS_DATA_READY & !self.ready_bits()
     }
 
     /// Whether the chip says that the previous command came damaged.
@@ -208,7 +235,24 @@ impl Frame {
     pub fn tells_input_damage(&self) -> bool {
         match self.answers {
             Command::Null => self.response & STATUS_CRC_ERROR != 0,
-            _ => may_be_refusal(self.response),
+            _ => self.may_be_refusal(),
+        }
+    }
+
+    /// Whether a register's value may as well be the STATUS register after a damaged command.
+    fn may_be_refusal(&self) -> bool {
+        const SHAPE: u16 = STATUS_CRC_ERROR | STATUS_LOCK | STATUS_CRC_TYPE | STATUS_RESET | STATUS_WORD_LENGTH;
+        self.response & (SHAPE | self.reserved_bits()) == STATUS_CRC_ERROR | STATUS_24_BIT
+    }
+
+    /// What it answers to the command before, as the sampler's requests take it.
+    fn answer(&self) -> Answer {
+        match self.answers {
+            Command::Null | Command::Reset | Command::Unlock => Answer::None,
+            Command::Write(address, _) if self.response == Command::write_done(address) => Answer::Written,
+            Command::Write(..) => Answer::NotWritten,
+            Command::Read(_) if self.may_be_refusal() => Answer::Doubtful(self.response),
+            Command::Read(_) => Answer::Value(self.response),
         }
     }
 
@@ -216,10 +260,10 @@ impl Frame {
     /// went astray. Its codes then say nothing.
     #[must_use]
     pub fn tells_lost_settings(&self) -> bool {
-        const SHAPE: u16 = STATUS_LOCK | STATUS_CRC_TYPE | STATUS_RESET | STATUS_WORD_LENGTH | STATUS_RESERVED;
+        const SHAPE: u16 = STATUS_LOCK | STATUS_CRC_TYPE | STATUS_RESET | STATUS_WORD_LENGTH;
         match self.answers {
-            _ if self.response == RESET_DONE => true,
-            Command::Null => self.response & SHAPE != STATUS_24_BIT,
+            _ if self.response == reset_done(self.ready_bits()) => true,
+            Command::Null => self.response & (SHAPE | self.reserved_bits()) != STATUS_24_BIT,
             Command::Write(address, _) => is_write_done(self.response) && self.response != Command::write_done(address),
             // Two damaged bits make a write of a read, and one a read of several registers, whose words then
             // stand in the place of the codes. A chip with its settings carries out no damaged read.
@@ -242,11 +286,9 @@ fn is_several_registers(response: u16) -> bool {
     response >> 13 == 0b111
 }
 
-/// Whether a register's value may as well be the STATUS register after a damaged command.
-pub(crate) fn may_be_refusal(response: u16) -> bool {
-    const SHAPE: u16 =
-        STATUS_CRC_ERROR | STATUS_LOCK | STATUS_CRC_TYPE | STATUS_RESET | STATUS_WORD_LENGTH | STATUS_RESERVED;
-    response & SHAPE == STATUS_CRC_ERROR | STATUS_24_BIT
+/// The response after a reset, of the chip with as many channels as there are bits.
+const fn reset_done(channel_bits: u16) -> u16 {
+    if channel_bits == 0b11 { RESET_DONE } else { 0xFF24 }
 }
 
 /// Why the front-end did not do what it should.
@@ -296,15 +338,37 @@ impl<E> Error<E> {
     }
 }
 
-/// The chip behind its bus.
+/// The ADS131M02 behind its bus.
+pub type Ads131m02<Spi> = Ads131m<Spi, 2>;
+
+/// The ADS131M04 behind its bus.
+pub type Ads131m04<Spi> = Ads131m<Spi, 4>;
+
+/// A chip of two or four channels behind its bus.
 #[derive(Debug)]
-pub struct Ads131m02<Spi> {
+pub struct Ads131m<Spi, const CHANNELS: usize> {
     spi: Spi,
     /// The command whose response comes next.
     previous: Command,
 }
 
-impl<Spi> Ads131m02<Spi> {
+impl<Spi, const CHANNELS: usize> Ads131m<Spi, CHANNELS> {
+    /// Which chip it drives.
+    const KIND: FrontEndKind = match CHANNELS {
+        2 => FrontEndKind::Ads131m02,
+        4 => FrontEndKind::Ads131m04,
+        _ => panic!("no chip of this driver has so many channels"),
+    };
+
+    /// Bytes of a frame.
+    const FRAME: usize = Self::KIND.facts().frame_bytes as usize;
+
+    /// Bits of as many channels.
+    const CHANNEL_BITS: u16 = (1 << CHANNELS) - 1;
+
+    /// Its response after a reset.
+    const RESET_DONE: u16 = reset_done(Self::CHANNEL_BITS);
+
     /// A driver that has not touched the chip yet.
     pub const fn new(spi: Spi) -> Self {
         Self { spi, previous: Command::Null }
@@ -326,29 +390,33 @@ impl<Spi> Ads131m02<Spi> {
     }
 }
 
-impl<Spi: SpiDevice + DelayNs> Ads131m02<Spi> {
+impl<Spi: SpiDevice + DelayNs, const CHANNELS: usize> Ads131m<Spi, CHANNELS> {
     /// Exchanges one frame: sends a command, gets the previous one's response and a sample.
     ///
     /// # Errors
     /// [`Error::Bus`], [`Error::Checksum`] and [`Error::WordLength`]; whether the command arrived is then unknown.
     pub fn read_frame(&mut self, command: Command) -> Result<Frame, Error<Spi::Error>> {
         let answers = core::mem::replace(&mut self.previous, command);
-        let mut bytes = command.frame();
-        self.spi.transfer_in_place(&mut bytes).map_err(Error::Bus)?;
-        parse(answers, bytes)
+        let mut bytes = padded(command.frame());
+        self.spi.transfer_in_place(&mut bytes[..Self::FRAME]).map_err(Error::Bus)?;
+        parse::<CHANNELS, _>(answers, &bytes)
     }
 
-    /// Exchanges one frame whose bytes are the caller's, and gives what came in, unchecked.
+    /// Exchanges one frame whose bytes are the caller's, and gives what came in, unchecked. On a chip with longer frames
+    /// zeros go out after them, and what comes in then is left out.
     ///
     /// What it made of the chip is not known afterwards: [`Self::init`] puts that right.
     ///
     /// # Errors
     /// [`Error::Bus`].
-    pub fn exchange_raw(&mut self, mut bytes: [u8; FRAME_BYTES]) -> Result<[u8; FRAME_BYTES], Error<Spi::Error>> {
+    pub fn exchange_raw(&mut self, bytes: [u8; FRAME_BYTES]) -> Result<[u8; FRAME_BYTES], Error<Spi::Error>> {
         // Whatever comes in response to it was not asked for by this driver.
         self.previous = Command::Reset;
-        self.spi.transfer_in_place(&mut bytes).map_err(Error::Bus)?;
-        Ok(bytes)
+        let mut frame = padded(bytes);
+        self.spi.transfer_in_place(&mut frame[..Self::FRAME]).map_err(Error::Bus)?;
+        let mut received = [0; FRAME_BYTES];
+        received.copy_from_slice(&frame[..FRAME_BYTES]);
+        Ok(received)
     }
 
     /// Resets the chip, checks that it is the right one, writes its settings and reads them back.
@@ -376,10 +444,9 @@ impl<Spi: SpiDevice + DelayNs> Ads131m02<Spi> {
     /// # Errors
     /// Any [`Error`] but [`Error::OtherChip`] and [`Error::NotReset`].
     pub fn configure(&mut self, settings: DeviceSettings) -> Result<(), Error<Spi::Error>> {
-        for (address, value) in setting_words(settings) {
-            self.write_register(address, value)?;
-        }
-        Ok(())
+        let [clock, gain] = setting_words(settings, Self::CHANNEL_BITS);
+        self.write_register(register::CLOCK, clock)?;
+        self.write_register(register::GAIN1, gain)
     }
 
     /// Reads a register with two frames of its own; the samples in them are lost.
@@ -410,7 +477,11 @@ impl<Spi: SpiDevice + DelayNs> Ads131m02<Spi> {
     /// As [`Self::read_frame`], and [`Error::OtherChip`].
     pub fn id(&mut self) -> Result<u16, Error<Spi::Error>> {
         let id_word = self.read_register(register::ID)?;
-        if is_id(id_word) { Ok(id_word) } else { Err(Error::OtherChip { id_word }) }
+        if id_word >> 8 == u16::from(Self::KIND.facts().id_high) {
+            Ok(id_word)
+        } else {
+            Err(Error::OtherChip { id_word })
+        }
     }
 
     /// Resets the chip; it then has none of its settings.
@@ -421,10 +492,10 @@ impl<Spi: SpiDevice + DelayNs> Ads131m02<Spi> {
         // Another program may have left the chip locked; it would not take the reset.
         self.read_frame(Command::Unlock)?;
         self.previous = Command::Reset;
-        let mut bytes = Command::Reset.frame();
-        self.reset_transaction(&mut bytes)?;
+        let mut bytes = padded(Command::Reset.frame());
+        self.reset_transaction(&mut bytes[..Self::FRAME])?;
         let response = self.read_frame(Command::Null)?.response;
-        if response == RESET_DONE { Ok(()) } else { Err(Error::NotReset { response }) }
+        if response == Self::RESET_DONE { Ok(()) } else { Err(Error::NotReset { response }) }
     }
 
     /// Reads both places of the chip's memory for samples, so that the next one read is new.
@@ -450,7 +521,8 @@ impl<Spi: SpiDevice + DelayNs> Ads131m02<Spi> {
     /// Sends a reset that a chip understands whatever a damaged write made of its MODE register.
     fn reset_whatever_its_mode(&mut self) -> Result<(), Error<Spi::Error>> {
         self.previous = Command::Reset;
-        RESETS.iter().try_for_each(|frame| self.reset_transaction(&mut frame.clone()))
+        // A copy of each: what comes in replaces what goes out.
+        RESETS.into_iter().try_for_each(|mut frame| self.reset_transaction(&mut frame[..4 * (CHANNELS + 2)]))
     }
 
     /// Sends a frame that resets, and pauses.
@@ -465,37 +537,106 @@ impl<Spi: SpiDevice + DelayNs> Ads131m02<Spi> {
     }
 }
 
-/// Whether the ID register names the chip that this driver drives.
-pub(crate) fn is_id(id_word: u16) -> bool {
-    id_word >> 8 == ID_HIGH
+impl<Spi: SpiDevice + DelayNs + SelectSource, const CHANNELS: usize> FrontEnd for Ads131m<Spi, CHANNELS> {
+    type Bus = Spi;
+
+    const KIND: FrontEndKind = Self::KIND;
+
+    const REGISTERS: Registers = Registers {
+        id: register::ID,
+        mode: register::MODE,
+        rate: register::CLOCK,
+        gain: register::GAIN1,
+        status: register::STATUS,
+        mode_word: MODE_VALUE,
+    };
+
+    fn bus(&self) -> &Spi {
+        &self.spi
+    }
+
+    fn bus_mut(&mut self) -> &mut Spi {
+        &mut self.spi
+    }
+
+    fn initialise(&mut self, settings: DeviceSettings) -> Result<u16, Trouble> {
+        self.init(settings).map_err(Trouble::from)
+    }
+
+    #[inline]
+    fn read_frame(&mut self, ask: Ask) -> Result<Reading, Trouble> {
+        let command = match ask {
+            Ask::Nothing => Command::Null,
+            Ask::Read(address) => Command::Read(address),
+            Ask::Write(address, value) => Command::Write(address, value),
+        };
+        let frame = Self::read_frame(self, command).map_err(Trouble::from)?;
+        Ok(Reading {
+            counts: frame.counts,
+            slow: frame.slow,
+            is_new: frame.is_new(),
+            answer: frame.answer(),
+            has_lost_settings: frame.tells_lost_settings(),
+            tells_input_damage: frame.tells_input_damage(),
+        })
+    }
+
+    fn exchange_raw(&mut self, bytes: [u8; FRAME_BYTES]) -> Result<[u8; FRAME_BYTES], Trouble> {
+        Self::exchange_raw(self, bytes).map_err(Trouble::from)
+    }
+
+    fn setting_words(settings: DeviceSettings) -> [u16; 2] {
+        setting_words(settings, Self::CHANNEL_BITS)
+    }
 }
 
-/// The registers that hold rate and gain, with their words.
-pub(crate) fn setting_words(settings: DeviceSettings) -> [(u8, u16); 2] {
-    let gain = settings.gain.code();
-    [(register::CLOCK, CLOCK_BASE | settings.rate.oversampling_code() << 2), (register::GAIN1, gain << 4 | gain)]
+impl<E> From<Error<E>> for Trouble {
+    fn from(error: Error<E>) -> Self {
+        Self { word: error.word(), has_lost_settings: matches!(error, Error::WordLength { .. }) }
+    }
 }
 
-/// Whether MODE holds what this driver writes.
-pub(crate) fn is_mode(word: u16) -> bool {
-    word == MODE_VALUE
+/// CLOCK and GAIN1 for rate and gain, with these channels on; the slow ones have gain 1.
+fn setting_words(settings: DeviceSettings, channel_bits: u16) -> [u16; 2] {
+    let gain = settings.gain.log2();
+    [channel_bits << 8 | CLOCK_BASE | oversampling_code(settings.rate) << 2, gain << 4 | gain]
 }
 
-/// Takes the bytes of a frame apart.
-fn parse<E>(answers: Command, bytes: [u8; FRAME_BYTES]) -> Result<Frame, Error<E>> {
-    let [r0, r1, _, a0, a1, a2, b0, b1, b2, c0, c1, _] = bytes;
+/// The oversampling ratio's code in the CLOCK register: 0 for 128, 1 for 256, and so on.
+fn oversampling_code(rate: Rate) -> u16 {
+    const LEAST: u32 = 128;
+    #[expect(clippy::cast_possible_truncation, reason = "at most 6")]
+    let code = (rate.oversampling() / LEAST).trailing_zeros() as u16;
+    code
+}
+
+/// Takes the bytes of a frame of so many channels apart.
+#[inline]
+fn parse<const CHANNELS: usize, E>(answers: Command, bytes: &[u8; FRAME_BYTES_MAX]) -> Result<Frame, Error<E>> {
+    let [r0, r1, _, a0, a1, a2, b0, b1, b2, c0, c1, c2, d0, d1, d2, ..] = *bytes;
     let response = u16::from_be_bytes([r0, r1]);
-    if !has_its_checksum(&bytes) {
+    let frame = &bytes[..WORD_BYTES * (CHANNELS + 2)];
+    if !checksum_fits(frame) {
         return Err(Error::Checksum { response });
     }
     // A checksum over data and their checksum is 0, and stays so over zeros: what a chip sends in words of
-    // 16 bits, with its checksum in bytes 6 and 7 and zeros from there on, always passes the check above.
+    // 16 bits, with its checksum in the last of them and zeros from there on, always passes the check above.
     // One sound frame in 2²⁴ looks the same, an hour's at 4 kHz: a status that itself says 24 bits is believed.
     let says_24_bits = matches!(answers, Command::Null) && response & STATUS_WORD_LENGTH == STATUS_24_BIT;
-    if !says_24_bits && [b2, c0, c1] == [0; 3] && CRC.checksum(&bytes[..8]) == 0 {
+    let (short, rest) = frame.split_at(2 * (CHANNELS + 2));
+    let is_short = || rest[..rest.len() - 1].iter().all(|&byte| byte == 0) && CRC.checksum(short) == 0;
+    if !says_24_bits && is_short() {
         return Err(Error::WordLength { response });
     }
-    Ok(Frame { answers, response, counts: [code([a0, a1, a2]), code([b0, b1, b2])] })
+    let slow = (CHANNELS == 4).then(|| [code([c0, c1, c2]), code([d0, d1, d2])]);
+    Ok(Frame { answers, response, counts: [code([a0, a1, a2]), code([b0, b1, b2])], slow })
+}
+
+/// A frame's bytes, with zeros after them up to the longest one.
+fn padded(bytes: [u8; FRAME_BYTES]) -> [u8; FRAME_BYTES_MAX] {
+    let mut frame = [0; FRAME_BYTES_MAX];
+    frame[..FRAME_BYTES].copy_from_slice(&bytes);
+    frame
 }
 
 /// A 24-bit two's complement code.
@@ -504,6 +645,8 @@ fn code([high, middle, low]: [u8; 3]) -> Counts {
 }
 
 // The tests run on every chip that the datasheet allows; `tests/rig/chip.rs` reads which one from the module's name.
+#[cfg(test)]
+mod four_channels;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]

@@ -23,13 +23,13 @@ use palpate_shared::wire::{
     RestartReason, Source, Temperature,
 };
 
-use crate::ads131m::register;
 use crate::block::BlockBuilder;
+use crate::forces::Forces;
 use crate::link::{Link, Links};
 use crate::log::{info, warning};
 use crate::outbox::Outbox;
 use crate::queues::{DeviceEnd, Finding, FrontEndRequest, Notice, READINGS, RequestKind, SamplerState, Tally};
-use crate::settings::{ConverterClock, DeviceSettings, Gain, Rate};
+use crate::settings::{ConverterClock, DeviceSettings, Gain, Rate, WithBlocks};
 
 /// Version of this firmware.
 pub const FIRMWARE: FirmwareVersion = FirmwareVersion {
@@ -37,9 +37,6 @@ pub const FIRMWARE: FirmwareVersion = FirmwareVersion {
     minor: number(env!("CARGO_PKG_VERSION_MINOR")),
     patch: number(env!("CARGO_PKG_VERSION_PATCH")),
 };
-
-/// Input voltage of the largest code at gain 1, in µV: the chip's reference of 1.2 V.
-const FULL_SCALE_UV: u32 = 1_200_000;
 
 /// Replies kept for commands that come again.
 pub const REMEMBERED: usize = 4;
@@ -83,6 +80,8 @@ pub struct Identity {
     pub restart: RestartReason,
     /// Starts since power-on, this one not counted.
     pub restarts: u16,
+    /// Which converter its sampler drives.
+    pub front_end: FrontEndKind,
     /// The clock that the converter gets.
     pub converter_clock: ConverterClock,
     /// Bridge excitation, in mV.
@@ -204,6 +203,7 @@ pub struct Device<'q, const OUTBOX: usize> {
     /// `None` on a board that takes no orders.
     board: Option<BoardReport>,
     order: Option<Order>,
+    forces: Forces,
 }
 
 impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
@@ -231,6 +231,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
             hello_due: None,
             board: None,
             order: None,
+            forces: Forces::default(),
         }
     }
 
@@ -303,7 +304,8 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
 
     /// Forwards the board's temperature, in hundredths of a degree Celsius; about once a second.
     pub fn temperature(&mut self, centi_celsius: i16, now: DeviceTime) {
-        self.send_notice(&FromDevice::Temperature(Temperature { time: now, centi_celsius }));
+        // What finds no room is not missed: the next one comes soon.
+        let _ = self.outbox.push_message(&FromDevice::Temperature(Temperature { time: now, centi_celsius }));
     }
 
     /// What was counted since start-up.
@@ -337,11 +339,11 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
             firmware: FIRMWARE,
             device: identity.device,
             board: name(identity.board),
-            front_end: FrontEnd { kind: FrontEndKind::Ads131m02, id_word: self.front_end.id_word },
+            front_end: FrontEnd { kind: identity.front_end, id_word: self.front_end.id_word },
             channels: identity.channels,
             rate_hz: settings.rate.hz(),
             gain: settings.gain.factor(),
-            full_scale_uv: FULL_SCALE_UV,
+            full_scale_uv: identity.front_end.facts().full_scale_uv,
             excitation_mv: identity.excitation_mv,
             source,
             clock: identity.clock,
@@ -416,9 +418,23 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
             Request::SetRate { rate_hz } => RequestKind::Apply(self.with_rate(rate_hz)?),
             Request::SetGain { gain } => RequestKind::Apply(self.with_gain(gain)?),
             Request::SetSource { source } => RequestKind::Select(source),
-            Request::ReadRegister { address } => RequestKind::ReadRegister(check_address(address)?),
+            Request::ReadRegister { address } => RequestKind::ReadRegister(self.check_address(address)?),
             Request::SelfTest => RequestKind::SelfTest,
             Request::RawFrame { bytes } => RequestKind::RawFrame(bytes),
+            Request::SetForceMatrix { matrix, checksum } => {
+                self.check_at_rest()?;
+                return self.forces.keep(matrix, checksum).map(|()| Taken::Answered(Outcome::Done));
+            }
+            Request::SetForceTare { tare } => {
+                return self.forces.tare(tare).map(|()| Taken::Answered(Outcome::Done));
+            }
+            Request::StreamForces { on } => {
+                if on {
+                    self.check_line_with(self.front_end.state.settings.rate, WithBlocks::Forces)?;
+                }
+                return self.forces.stream(on).map(|()| Taken::Answered(Outcome::Done));
+            }
+            Request::ForceMatrix => return Ok(Taken::Answered(Outcome::ForceMatrix(self.forces.matrix()))),
         };
         self.ask(kind)
     }
@@ -469,16 +485,36 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
 
     /// The present settings with another gain.
     fn with_gain(&self, factor: u8) -> Result<DeviceSettings, Refusal> {
-        let largest = Gain::LARGEST.factor();
+        let largest = self.identity.front_end.facts().gain_largest;
         let gain = Gain::from_factor(factor).ok_or(Refusal::GainNotPossible { largest })?;
         Ok(DeviceSettings { gain, ..self.front_end.state.settings })
     }
 
+    /// A register's address, if the front-end has it.
+    fn check_address(&self, address: u8) -> Result<u8, Refusal> {
+        let last = self.identity.front_end.facts().last_register;
+        if address <= last { Ok(address) } else { Err(Refusal::AddressNotPossible { last }) }
+    }
+
+    /// Whether nothing is streamed, nor about to be.
+    fn check_at_rest(&self) -> Result<(), Refusal> {
+        match (self.front_end.state.streaming, self.pending) {
+            (true, _) => Err(Refusal::Streaming),
+            (false, Some(_)) => Err(Refusal::Busy),
+            (false, None) => Ok(()),
+        }
+    }
+
     /// Whether the serial line carries a rate; the refusal says 0 Hz if it carries none.
     fn check_line(&self, rate: Rate) -> Result<(), Refusal> {
+        self.check_line_with(rate, self.forces.with_blocks())
+    }
+
+    /// The same with what is sent beside the blocks.
+    fn check_line_with(&self, rate: Rate, with: WithBlocks) -> Result<(), Refusal> {
         let link_baud = self.link_baud();
-        let fastest_hz = Rate::fastest_on_line(link_baud, self.identity.converter_clock).map_or(0, Rate::hz);
-        if rate.fits_line(link_baud) { Ok(()) } else { Err(Refusal::LinkTooSlow { fastest_hz }) }
+        let fastest_hz = Rate::fastest_on_line(link_baud, self.identity.converter_clock, with).map_or(0, Rate::hz);
+        if rate.fits_line(link_baud, with) { Ok(()) } else { Err(Refusal::LinkTooSlow { fastest_hz }) }
     }
 
     /// Whether a command still waits for the sampler.
@@ -519,6 +555,9 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
                 self.greet();
             }
             Notice::Event { time, kind } => self.take_event(Event { time, kind }),
+            Notice::Inputs(inputs) => _ = self.send_notice(&FromDevice::Inputs(inputs)),
+            // What finds no room is not missed: the next one comes soon.
+            Notice::Slow(means) => _ = self.outbox.push_message(&FromDevice::SlowChannels(means)),
             Notice::Answer { ticket, finding, state } => self.take_answer(ticket, finding, state),
         }
     }
@@ -571,8 +610,13 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     /// Sends a block, or drops and counts it.
     fn send_block(&mut self, block: Block) {
         let samples = u32::try_from(block.samples.len()).unwrap_or(0);
+        let force = self.forces.of(&block);
         if self.outbox.push_message(&FromDevice::Block(block)) {
             count(&mut self.tally.blocks_sent);
+            if let Some(force) = force {
+                // Without room it is left out; the block that tells the same went out.
+                let _ = self.outbox.push_message(&FromDevice::Force(force));
+            }
             return;
         }
         count(&mut self.tally.blocks_dropped);
@@ -664,12 +708,6 @@ fn outcome_of(finding: Finding) -> Outcome {
         Finding::RawFrame(bytes) => Outcome::RawFrame { bytes },
         Finding::Refused(refusal) => Outcome::Refused(refusal),
     }
-}
-
-/// A register's address, if commands can name it.
-fn check_address(address: u8) -> Result<u8, Refusal> {
-    let last = register::LAST;
-    if address <= last { Ok(address) } else { Err(Refusal::AddressNotPossible { last }) }
 }
 
 /// As much of a name as a hello holds.

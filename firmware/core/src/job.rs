@@ -4,7 +4,7 @@
 //! that says that the command came damaged, sends the job back to that step; after [`FAILURES_MAX`] of
 //! these it gives up.
 
-use crate::ads131m::{Command, may_be_refusal, register, setting_words};
+use crate::front_end::{Answer, Ask, FrontEnd, Registers};
 use crate::queues::{FrontEndRequest, RequestKind};
 use crate::settings::{DeviceSettings, Rate};
 
@@ -24,6 +24,8 @@ pub(crate) enum Goal {
     Apply {
         /// Rate and gain to write.
         settings: DeviceSettings,
+        /// The same as the registers' words.
+        words: [u16; 2],
         /// Whether the rate changes.
         changes_rate: bool,
     },
@@ -36,11 +38,14 @@ pub(crate) enum Goal {
 }
 
 /// Registers that a self-test reads, in the order of its results.
-const SELF_TEST_READS: [u8; STEPS_MAX] =
-    [register::ID, register::MODE, register::CLOCK, register::GAIN1, register::STATUS];
+const fn self_test_reads(of: &Registers) -> [u8; STEPS_MAX] {
+    [of.id, of.mode, of.rate, of.gain, of.status]
+}
 
 /// Registers that hold the settings.
-const VERIFY_READS: [u8; 3] = [register::MODE, register::CLOCK, register::GAIN1];
+const fn verify_reads(of: &Registers) -> [u8; 3] {
+    [of.mode, of.rate, of.gain]
+}
 
 /// How a job stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,6 +61,7 @@ pub(crate) struct Job {
     /// Whom to answer, if anyone.
     pub(crate) ticket: Option<u8>,
     pub(crate) goal: Goal,
+    registers: &'static Registers,
     /// The step whose command goes out next.
     next: usize,
     /// The step whose response comes in next.
@@ -71,25 +77,29 @@ pub(crate) struct Job {
 
 impl Job {
     /// The job for a request, if it takes one.
-    pub(crate) fn of(request: FrontEndRequest, present: DeviceSettings) -> Option<Self> {
+    pub(crate) fn of<F: FrontEnd>(request: FrontEndRequest, present: DeviceSettings) -> Option<Self> {
         let goal = match request.kind {
-            RequestKind::Apply(settings) => Goal::Apply { settings, changes_rate: settings.rate != present.rate },
+            RequestKind::Apply(settings) => {
+                let words = F::setting_words(settings);
+                Goal::Apply { settings, words, changes_rate: settings.rate != present.rate }
+            }
             RequestKind::ReadRegister(address) => Goal::Read(address),
             RequestKind::SelfTest => Goal::SelfTest,
             RequestKind::Stream(_) | RequestKind::Select(_) | RequestKind::RawFrame(_) => return None,
         };
-        Some(Self::new(Some(request.ticket), goal))
+        Some(Self::new::<F>(Some(request.ticket), goal))
     }
 
     /// A job to read the settings.
-    pub(crate) fn verify() -> Self {
-        Self::new(None, Goal::Verify)
+    pub(crate) fn verify<F: FrontEnd>() -> Self {
+        Self::new::<F>(None, Goal::Verify)
     }
 
-    fn new(ticket: Option<u8>, goal: Goal) -> Self {
+    fn new<F: FrontEnd>(ticket: Option<u8>, goal: Goal) -> Self {
         let mut job = Self {
             ticket,
             goal,
+            registers: &F::REGISTERS,
             next: 0,
             awaited: None,
             words: [0; STEPS_MAX],
@@ -115,14 +125,14 @@ impl Job {
     /// The rate that it sets, if it changes it.
     pub(crate) fn rate_to_be(&self) -> Option<Rate> {
         match self.goal {
-            Goal::Apply { settings, changes_rate: true } => Some(settings.rate),
+            Goal::Apply { settings, changes_rate: true, .. } => Some(settings.rate),
             _ => None,
         }
     }
 
-    /// The command that goes out with the next frame.
-    pub(crate) fn command(&self) -> Command {
-        self.step(self.next).unwrap_or(Command::Null)
+    /// What the next frame asks.
+    pub(crate) fn ask(&self) -> Ask {
+        self.step(self.next).unwrap_or(Ask::Nothing)
     }
 
     /// How the job stands.
@@ -135,14 +145,14 @@ impl Job {
         self.fail(self.first());
     }
 
-    /// A frame was exchanged: this response came in, or a damaged one; [`Self::command`] went out if `sent`.
-    pub(crate) fn advance(&mut self, sent: bool, response: Option<u16>) {
+    /// A frame was exchanged: this answer came in, or a damaged one; [`Self::ask`] went out if `sent`.
+    pub(crate) fn advance(&mut self, sent: bool, answer: Option<Answer>) {
         let sent = self.step(self.next).filter(|_| sent).map(|_| self.next);
         if let Some(step) = self.awaited.take() {
-            match response.filter(|&word| self.accepts(step, word)) {
+            match answer.and_then(|answer| self.accept(answer)) {
                 Some(word) => self.words[step % STEPS_MAX] = word,
                 None => {
-                    self.may_have_strayed |= matches!(self.step(step), Some(Command::Write(..)));
+                    self.may_have_strayed |= matches!(self.step(step), Some(Ask::Write(..)));
                     return self.fail(step);
                 }
             }
@@ -171,44 +181,41 @@ impl Job {
         }
     }
 
-    /// The command of a step; none after the last.
-    fn step(&self, step: usize) -> Option<Command> {
+    /// What a step asks; nothing after the last.
+    fn step(&self, step: usize) -> Option<Ask> {
+        let read = |addresses: &[u8]| addresses.get(step).copied().map(Ask::Read);
         match self.goal {
-            Goal::Apply { settings, .. } => apply_step(settings, step),
-            Goal::Read(address) => (step == 0).then_some(Command::Read(address)),
-            Goal::SelfTest => SELF_TEST_READS.get(step).copied().map(Command::Read),
-            Goal::Verify => VERIFY_READS.get(step).copied().map(Command::Read),
+            Goal::Apply { words, .. } => self.apply_step(words, step),
+            Goal::Read(address) => read(&[address]),
+            Goal::SelfTest => read(&self_test_reads(self.registers)),
+            Goal::Verify => read(&verify_reads(self.registers)),
         }
     }
 
-    /// Whether a response can be the answer to a step.
-    fn accepts(&mut self, step: usize, response: u16) -> bool {
-        match self.step(step) {
-            Some(Command::Write(address, _)) => response == Command::write_done(address),
-            _ if may_be_refusal(response) && self.suspicions < SUSPICIONS_MAX => {
+    /// First both writes, then both reads.
+    fn apply_step(&self, [rate, gain]: [u16; 2], step: usize) -> Option<Ask> {
+        let at = self.registers;
+        let steps = [Ask::Write(at.rate, rate), Ask::Write(at.gain, gain), Ask::Read(at.rate), Ask::Read(at.gain)];
+        steps.get(step).copied()
+    }
+
+    /// The word of an answer, if it can be believed.
+    fn accept(&mut self, answer: Answer) -> Option<u16> {
+        match answer {
+            Answer::Doubtful(_) if self.suspicions < SUSPICIONS_MAX => {
                 self.suspicions += 1;
-                false
+                None
             }
-            _ => true,
+            Answer::Value(word) | Answer::Doubtful(word) => Some(word),
+            Answer::Written => Some(0),
+            Answer::None | Answer::NotWritten => None,
         }
     }
 
     /// Whether what was written reads back.
     fn is_right(&self) -> bool {
-        let Goal::Apply { settings, .. } = self.goal else { return true };
-        let [_, _, clock, gain, _] = self.words;
-        setting_words(settings).map(|(_, word)| word) == [clock, gain]
+        let Goal::Apply { words, .. } = self.goal else { return true };
+        let [_, _, rate, gain, _] = self.words;
+        words == [rate, gain]
     }
-}
-
-/// First both writes, then both reads.
-fn apply_step(settings: DeviceSettings, step: usize) -> Option<Command> {
-    let [clock, gain] = setting_words(settings);
-    let steps = [
-        Command::Write(clock.0, clock.1),
-        Command::Write(gain.0, gain.1),
-        Command::Read(clock.0),
-        Command::Read(gain.0),
-    ];
-    steps.get(step).copied()
 }

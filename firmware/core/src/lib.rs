@@ -2,13 +2,13 @@
 //!
 //! ```text
 //!  interrupt side                                     main side
-//!  DRDY ─▶ Sampler ── SPI ──▶ Ads131m02               bytes from the host ─▶ Device ─▶ bytes to the host
+//!  DRDY ─▶ Sampler ──▶ FrontEnd (Ads131m ─ SPI)        bytes from the host ─▶ Device ─▶ bytes to the host
 //!             │                                                               ▲  │ BlockBuilder, Outbox
 //!             └──── readings, notices ───────────── Queues ───────────────────┘  │
 //!             ▲──── requests ──────────────────────────────────────────────────── ┘
 //! ```
 //!
-//! - [`ads131m`]: driver of the analogue front-end, over `embedded-hal`;
+//! - [`front_end`]: what the sampler asks of a converter; [`ads131m`]: the ADS131M02 and M04, over `embedded-hal`;
 //! - [`settings`]: rates and gains, and which rate a serial line carries;
 //! - [`sampler`]: reads a frame at each data-ready edge, numbers it (`clock`: how many conversions have passed), serves
 //!   requests in the same frames (`job`);
@@ -16,6 +16,8 @@
 //! - [`block`], [`outbox`]: samples into messages, messages into bytes;
 //! - [`link`]: which of two ways to a host is in use;
 //! - [`device`]: the host's commands, events, counters;
+//! - `forces`: the matrix that a host has the device keep, and forces by it;
+//! - `inputs`: which changes of the digital inputs are told;
 //! - `log`: log lines, where `defmt` is on.
 //!
 //! Nothing here allocates, blocks, uses floating point or panics on input. Time is an argument, so the
@@ -33,6 +35,7 @@ mod log;
 pub mod ads131m;
 pub mod block;
 pub mod device;
+pub mod front_end;
 pub mod link;
 pub mod outbox;
 pub mod queues;
@@ -40,6 +43,8 @@ pub mod sampler;
 pub mod settings;
 
 mod clock;
+mod forces;
+mod inputs;
 mod job;
 /// The chips of the tests, for those in the modules too.
 #[cfg(test)]
@@ -47,7 +52,8 @@ mod job;
 mod test_chip;
 
 pub use device::{Device, Identity};
+pub use front_end::{FrontEnd, SelectSource, SourceNotPossible};
 pub use link::Link;
 pub use queues::Queues;
-pub use sampler::{Sampler, SelectSource, SourceNotPossible};
+pub use sampler::Sampler;
 pub use settings::{ConverterClock, DeviceSettings, Gain, Rate};

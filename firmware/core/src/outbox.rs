@@ -1,6 +1,6 @@
 //! Messages on their way to the host: a bounded ring of encoded frames.
 //!
-//! A frame goes in whole or not at all. Blocks leave [`RESERVED`] bytes free, so that a link which cannot
+//! A frame goes in whole or not at all. Blocks, and whatever else comes at its own times, leave [`RESERVED`] bytes free, so that a link which cannot
 //! keep up with samples still carries replies and events. Replies and events have an allowance, so that a host
 //! which asks without end does not crowd the samples out: five eighths of the ring, given anew whenever nothing
 //! waits, and a twentieth of what goes out meanwhile (what rates leave free of a line). One byte stays free for the
@@ -64,13 +64,16 @@ impl<const N: usize> Outbox<N> {
     pub fn push_message(&mut self, message: &FromDevice) -> bool {
         let mut line: FrameBuffer = [0; FRAME_MAX + 1];
         let Ok(frame) = encode(message, &mut line) else { return false };
-        let is_block = matches!(message, FromDevice::Block(_));
-        let kept_free = if is_block { RESERVED } else { 0 };
-        let is_allowed = is_block || frame.len() <= self.allowance;
+        let is_periodic = matches!(
+            message,
+            FromDevice::Block(_) | FromDevice::Force(_) | FromDevice::Temperature(_) | FromDevice::SlowChannels(_)
+        );
+        let kept_free = if is_periodic { RESERVED } else { 0 };
+        let is_allowed = is_periodic || frame.len() <= self.allowance;
         let has_room = is_allowed && frame.len() + kept_free < N - self.length;
         if has_room {
             self.append(frame);
-            self.allowance -= if is_block { 0 } else { frame.len() };
+            self.allowance -= if is_periodic { 0 } else { frame.len() };
         }
         has_room
     }

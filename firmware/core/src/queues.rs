@@ -14,7 +14,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use heapless::spsc::{Consumer, Producer, Queue};
 use palpate_shared::units::{Counts, DeviceTime, Seq};
-use palpate_shared::wire::{EventKind, RAW_FRAME_BYTES, Refusal, SelfTest, Source, Status};
+use palpate_shared::wire::{EventKind, Inputs, RAW_FRAME_BYTES, Refusal, SelfTest, SlowChannels, Source, Status};
 
 use crate::settings::DeviceSettings;
 
@@ -88,6 +88,10 @@ pub(crate) enum Notice {
     Found { id_word: u16 },
     /// Something the host should hear of.
     Event { time: DeviceTime, kind: EventKind },
+    /// What the slow channels gave on average.
+    Slow(SlowChannels),
+    /// Digital inputs, as they changed or stood at the start of the stream.
+    Inputs(Inputs),
     /// The answer to a request, and how the sampler is set after it.
     Answer { ticket: u8, finding: Finding, state: SamplerState },
 }

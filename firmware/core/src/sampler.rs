@@ -13,6 +13,8 @@
 //!   missed, but two in the chip's memory tell that some were: the numbers then leave a gap all the same.
 //! - **Doubt.** Damage may have written a setting. Samples wait until the settings are read back, four frames
 //!   later, and count as damaged if those were others, or if more than 16 wait.
+//! - **Slow channels**, where the front-end has them, are told as means of [`SLOW_CONVERSIONS`].
+//! - **Digital inputs** are read with each edge while streaming, and told as they change (`inputs`).
 //! - **Settling.** Three conversions after a reset or a change carry [`Status::SETTLING`].
 //! - **Requests** of the main side share the frames that read samples (`job`); no sample is lost to them.
 //! - **Raw frames.** From the first one on the chip is left to the host, so that the next one brings the answer to
@@ -25,14 +27,15 @@
 //! thread); `now` of an edge is taken when it happens. Bounded work: one frame, two after a missed edge or a
 //! damaged frame; a reset takes up to 3 × 16 frames. Errors: none; they become notices and counts.
 
-use embedded_hal::delay::DelayNs;
-use embedded_hal::spi::SpiDevice;
 use heapless::Deque;
 use palpate_shared::units::{Counts, DeviceTime, Seq};
-use palpate_shared::wire::{Checks, EventKind, Refusal, SelfTest, Source, Status};
+use palpate_shared::wire::{
+    Checks, EventKind, RAW_FRAME_BYTES, Refusal, SLOW_CONVERSIONS, SelfTest, SlowChannels, Source, Status,
+};
 
-use crate::ads131m::{Ads131m02, Command, Error, FRAME_BYTES, Frame, is_id, is_mode, setting_words};
 use crate::clock::{ConversionClock, WINDOW};
+use crate::front_end::{Answer, Ask, FrontEnd, Reading, SelectSource as _};
+use crate::inputs::InputWatch;
 use crate::job::{Goal, Job, Progress};
 use crate::log::{info, warning};
 use crate::queues::{Finding, FrontEndRequest, Notice, RawReading, RequestKind, SamplerEnd, SamplerState};
@@ -67,24 +70,6 @@ const SETTLING_CONVERSIONS: u8 = 3;
 /// Frames that [`Sampler::idle`] spends on one request when no edges come.
 const FRAMES_PER_IDLE: u8 = 8;
 
-/// This board has no such source.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SourceNotPossible;
-
-/// A bus behind which more than one front-end can be: the chip, or a simulation of it.
-///
-/// The choice sits below the SPI boundary, so all that reads and checks frames is the same for both.
-pub trait SelectSource {
-    /// Puts this source behind the bus, from the next transaction on.
-    ///
-    /// # Errors
-    /// [`SourceNotPossible`] if there is no such source; nothing changes then.
-    fn select(&mut self, source: Source) -> Result<(), SourceNotPossible>;
-
-    /// Whether the simulation is behind the bus now.
-    fn is_simulated(&self) -> bool;
-}
-
 /// Whether the front-end answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Presence {
@@ -113,8 +98,16 @@ enum Fault {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Sample {
     counts: [Counts; 2],
-    /// Whether STATUS says that the codes were unread ([`Frame::is_new`]); `None` where the frame does not say.
+    slow: Option<[Counts; 2]>,
+    /// As [`Reading::is_new`].
     is_new: Option<bool>,
+}
+
+/// Codes of the slow channels on their way to a mean.
+#[derive(Clone, Copy, Debug, Default)]
+struct SlowSum {
+    codes: [i64; 2],
+    conversions: u16,
 }
 
 /// Whether a frame may carry a command for the request at work.
@@ -133,8 +126,8 @@ struct Stretch {
 }
 
 /// Reads the front-end and numbers its samples.
-pub struct Sampler<'q, Spi> {
-    chip: Ads131m02<Spi>,
+pub struct Sampler<'q, F> {
+    chip: F,
     end: SamplerEnd<'q>,
     settings: DeviceSettings,
     presence: Presence,
@@ -161,13 +154,15 @@ pub struct Sampler<'q, Spi> {
     may_be_behind: bool,
     /// The stretch under way and the one before.
     lately: [Stretch; 2],
+    slow: SlowSum,
+    inputs: InputWatch,
 }
 
-impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
+impl<'q, F: FrontEnd> Sampler<'q, F> {
     /// Touches nothing yet; the first call of [`Self::idle`] or [`Self::data_ready`] looks for the chip.
-    pub fn new(spi: Spi, end: SamplerEnd<'q>, settings: DeviceSettings) -> Self {
+    pub fn new(chip: F, end: SamplerEnd<'q>, settings: DeviceSettings) -> Self {
         Self {
-            chip: Ads131m02::new(spi),
+            chip,
             end,
             settings,
             presence: Presence::Unknown,
@@ -184,12 +179,14 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
             held_before: 0,
             may_be_behind: false,
             lately: [Stretch::default(); 2],
+            slow: SlowSum::default(),
+            inputs: InputWatch::default(),
         }
     }
 
     /// The bus, as for stepping a simulation behind it.
-    pub fn spi_mut(&mut self) -> &mut Spi {
-        self.chip.spi_mut()
+    pub fn bus_mut(&mut self) -> &mut F::Bus {
+        self.chip.bus_mut()
     }
 
     /// How the front-end is set; a simulation of it follows this rate by itself.
@@ -209,6 +206,11 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
             self.read_late(now)
         } else {
             self.read_in_time(now)
+        }
+        if self.streaming
+            && let Some(inputs) = self.inputs.look(self.chip.bus().inputs(), now)
+        {
+            self.end.notice(Notice::Inputs(inputs));
         }
         if self.job.as_ref().is_some_and(Job::changes_rate) {
             self.clock.restart();
@@ -307,7 +309,7 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
     fn keep(&mut self, outcome: Result<Sample, Fault>, now: DeviceTime) {
         self.begin_stretch_when_due();
         match outcome {
-            Ok(sample) => self.keep_sample(sample.counts, now),
+            Ok(sample) => self.keep_sample(sample, now),
             Err(fault) => {
                 self.number_damaged();
                 self.treat(fault, now);
@@ -317,13 +319,16 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
     }
 
     /// Numbers and queues a good sample.
-    fn keep_sample(&mut self, counts: [Counts; 2], now: DeviceTime) {
+    fn keep_sample(&mut self, Sample { counts, slow, .. }: Sample, now: DeviceTime) {
         self.damaged_run = 0;
         self.presence = Presence::Present;
         if core::mem::take(&mut self.unwell) {
             self.tell(now, EventKind::FrontEndRecovered);
         }
         let status = self.status_of(counts);
+        if let Some(slow) = slow {
+            self.add_slow(slow, status, now);
+        }
         if self.streaming {
             let reading = RawReading { seq: self.next, time: now, counts, status };
             self.next = self.next.plus(1);
@@ -335,6 +340,26 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
         }
     }
 
+    /// Adds what the slow channels gave, and tells the mean when it is due. What is in doubt or unsettled is left out.
+    fn add_slow(&mut self, slow: [Counts; 2], status: Status, now: DeviceTime) {
+        if status.contains(Status::SETTLING) || self.is_in_doubt() {
+            return;
+        }
+        let sum = &mut self.slow;
+        for (total, code) in sum.codes.iter_mut().zip(slow) {
+            *total += i64::from(code.0);
+        }
+        sum.conversions += 1;
+        if sum.conversions < SLOW_CONVERSIONS {
+            return;
+        }
+        // A mean of codes is a code.
+        let mean = |total: i64| Counts(i32::try_from(total / i64::from(SLOW_CONVERSIONS)).unwrap_or(i32::MAX));
+        let [excitation, ntc] = core::mem::take(sum).codes.map(mean);
+        let simulated = if status.contains(Status::SIMULATED) { Status::SIMULATED } else { Status::default() };
+        self.end.notice(Notice::Slow(SlowChannels { time: now, status: simulated, excitation, ntc }));
+    }
+
     /// What holds for a sample; remembers saturation for the self-test.
     fn status_of(&mut self, counts: [Counts; 2]) -> Status {
         let [saturated_0, saturated_1] = counts.map(Counts::is_saturated);
@@ -342,7 +367,7 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
         // While settings are being written nobody knows which of both the chip has.
         let is_being_set = self.job.as_ref().is_some_and(|job| matches!(job.goal, Goal::Apply { .. }));
         let flags = [
-            (self.chip.spi().is_simulated(), Status::SIMULATED),
+            (self.chip.bus().is_simulated(), Status::SIMULATED),
             (saturated_0, Status::SATURATED_0),
             (saturated_1, Status::SATURATED_1),
             (is_being_set || self.settling > 0, Status::SETTLING),
@@ -399,35 +424,34 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
 
     /// Exchanges one frame, for whatever request is at work.
     fn exchange(&mut self, share: Share) -> Result<Sample, Fault> {
-        let command = self.job.as_ref().filter(|_| share == Share::WithJob).map_or(Command::Null, Job::command);
-        let result = self.chip.read_frame(command);
-        let lost = result.as_ref().is_ok_and(Frame::tells_lost_settings);
-        if result.as_ref().map_or(true, Frame::tells_input_damage) {
+        let ask = self.job.as_ref().filter(|_| share == Share::WithJob).map_or(Ask::Nothing, Job::ask);
+        let result = self.chip.read_frame(ask);
+        if result.as_ref().map_or(true, |reading| reading.tells_input_damage) {
             self.lately[0].damaged += 1;
             self.in_doubt = true;
         }
-        let response = result.as_ref().ok().filter(|_| !lost).map(|frame| frame.response);
-        self.advance_job(command, share, response);
+        let answer = result.as_ref().ok().filter(|reading| !reading.has_lost_settings).map(|reading| reading.answer);
+        self.advance_job(ask, share, answer);
         match result {
-            Err(Error::WordLength { .. }) => Err(Fault::LostSettings),
-            Err(error) => {
+            Err(trouble) if trouble.has_lost_settings => Err(Fault::LostSettings),
+            Err(trouble) => {
                 self.may_be_behind = true;
-                Err(Fault::Damaged { word: error.word() })
+                Err(Fault::Damaged { word: trouble.word })
             }
-            Ok(_) if lost => Err(Fault::LostSettings),
-            Ok(frame) => Ok(Sample { counts: frame.counts, is_new: frame.is_new() }),
+            Ok(Reading { has_lost_settings: true, .. }) => Err(Fault::LostSettings),
+            Ok(Reading { counts, slow, is_new, .. }) => Ok(Sample { counts, slow, is_new }),
         }
     }
 
     /// Tells the job at work what came in. While it writes settings, nothing has settled.
-    fn advance_job(&mut self, command: Command, share: Share, response: Option<u16>) {
+    fn advance_job(&mut self, ask: Ask, share: Share, answer: Option<Answer>) {
         let Some(job) = &mut self.job else { return };
-        if matches!(command, Command::Write(..)) {
+        if matches!(ask, Ask::Write(..)) {
             // The conversion that is read in this frame still is what it was; it is marked all the same,
             // and taken off when it is numbered, hence one more.
             self.settling = SETTLING_CONVERSIONS + 1;
         }
-        job.advance(share == Share::WithJob, response);
+        job.advance(share == Share::WithJob, answer);
     }
 
     /// Answers a finished job, or takes up the next request.
@@ -446,7 +470,7 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
     /// Reads the settings back after damage: a command that a damaged bit made a write is carried out.
     fn verify_when_in_doubt(&mut self) {
         if self.presence == Presence::Present && core::mem::take(&mut self.in_doubt) {
-            self.job = Some(Job::verify());
+            self.job = Some(Job::verify::<F>());
             self.held_before = self.held.len();
         }
     }
@@ -478,7 +502,7 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
             _ if self.presence == Presence::Missing => Finding::Refused(Refusal::NoFrontEnd),
             RequestKind::Apply(settings) if settings == self.settings => Finding::Done,
             _ => {
-                self.job = Job::of(request, self.settings);
+                self.job = Job::of::<F>(request, self.settings);
                 return;
             }
         };
@@ -486,7 +510,7 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
     }
 
     /// Exchanges a frame for the host, which has the chip to itself from then on.
-    fn exchange_raw(&mut self, bytes: [u8; FRAME_BYTES], now: DeviceTime) -> Finding {
+    fn exchange_raw(&mut self, bytes: [u8; RAW_FRAME_BYTES], now: DeviceTime) -> Finding {
         if self.streaming {
             return Finding::Refused(Refusal::Streaming);
         }
@@ -513,18 +537,20 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
         // The answer comes after all samples.
         self.give_up_held();
         self.streaming = on;
+        self.inputs.begin();
         Finding::Done
     }
 
     /// Puts a source behind the bus and looks for its chip.
     fn select(&mut self, source: Source, now: DeviceTime) -> Finding {
-        if self.chip.spi_mut().select(source).is_err() {
+        if self.chip.bus_mut().select(source).is_err() {
             return Finding::Refused(Refusal::SourceNotPossible);
         }
         // A source of its own begins at the present; what it could not have measured is not missing.
         self.clock = ConversionClock::new(self.settings.rate, now);
         self.presence = Presence::Unknown;
         self.lately = [Stretch::default(); 2];
+        self.slow = SlowSum::default();
         self.look_for_chip(now);
         self.streaming &= self.presence != Presence::Missing;
         Finding::Done
@@ -550,7 +576,7 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
     /// What a job that ended well found.
     fn found_by(&mut self, job: &Job, now: DeviceTime) -> Finding {
         match job.goal {
-            Goal::Apply { settings, changes_rate } => {
+            Goal::Apply { settings, changes_rate, .. } => {
                 self.settings = settings;
                 if changes_rate {
                     if self.presence == Presence::Silent {
@@ -583,7 +609,7 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
 
     /// Whether the registers hold what was set.
     fn settings_are(&self, mode: u16, rate_and_gain: [u16; 2]) -> bool {
-        is_mode(mode) && setting_words(self.settings).map(|(_, word)| word) == rate_and_gain
+        mode == F::REGISTERS.mode_word && F::setting_words(self.settings) == rate_and_gain
     }
 
     /// Judges the registers read and what was seen lately.
@@ -594,7 +620,7 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
         let settings_hold = self.settings_are(mode, [clock, gain]);
         let is_known = silent || period_ns.is_some();
         let checks = [
-            (Checks::ID, true, is_id(id_word)),
+            (Checks::ID, true, id_word >> 8 == u16::from(F::FACTS.id_high)),
             (Checks::SETTINGS, true, settings_hold),
             (Checks::BUS, true, self.lately.iter().all(|stretch| stretch.damaged == 0)),
             (Checks::RATE, is_known, period_ns.is_some_and(|period_ns| self.clock.is_as_set(period_ns))),
@@ -611,9 +637,9 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
     /// Resets the chip, writes its settings and says what came of it.
     fn look_for_chip(&mut self, now: DeviceTime) {
         self.tried = now;
-        match self.chip.init(self.settings) {
+        match self.chip.initialise(self.settings) {
             Ok(id_word) => self.found(id_word, now),
-            Err(error) => self.go_missing(error.word(), now),
+            Err(trouble) => self.go_missing(trouble.word, now),
         }
     }
 
@@ -664,14 +690,14 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
     /// The chip was reset, by a dip of its supply or a damaged command: writes its settings again.
     fn restore_settings(&mut self, now: DeviceTime) {
         self.tried = now;
-        match self.chip.init(self.settings) {
+        match self.chip.initialise(self.settings) {
             Ok(_) => {
                 // One more than usual, as the edge at work is taken off at its end.
                 self.settling = SETTLING_CONVERSIONS + 1;
                 self.begin_afresh();
                 self.tell(now, EventKind::FrontEndReset);
             }
-            Err(error) => self.go_missing(error.word(), now),
+            Err(trouble) => self.go_missing(trouble.word, now),
         }
     }
 
@@ -707,7 +733,7 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
 
     /// Answers the request of this ticket.
     fn answer(&mut self, ticket: u8, finding: Finding) {
-        let source = if self.chip.spi().is_simulated() { Source::Simulated } else { Source::Hardware };
+        let source = if self.chip.bus().is_simulated() { Source::Simulated } else { Source::Hardware };
         let state = SamplerState { settings: self.settings, source, streaming: self.streaming };
         self.end.notice(Notice::Answer { ticket, finding, state });
     }

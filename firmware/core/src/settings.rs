@@ -3,12 +3,35 @@
 //! Errors: none; what is not possible is `None`.
 
 use palpate_shared::frame::FRAME_MAX;
+use palpate_shared::front_ends::FRONT_ENDS;
 use palpate_shared::wire::BLOCK_SAMPLES;
 
 /// Largest frame of a block, in bytes, delimiter included: 79 of payload, 4 of CRC, 1 of COBS, 1 delimiter.
 pub const BLOCK_FRAME_BYTES_MAX: u32 = 85;
 
 const _: () = assert!(BLOCK_FRAME_BYTES_MAX as usize <= FRAME_MAX + 1);
+
+/// Largest frame of a block's mean force, in bytes, delimiter included: 25 of payload.
+pub const FORCE_FRAME_BYTES_MAX: u32 = 31;
+
+/// What is sent with each block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WithBlocks {
+    /// Nothing.
+    Nothing,
+    /// The mean force over its samples.
+    Forces,
+}
+
+impl WithBlocks {
+    /// Bytes of a block's frame and of this, at most.
+    const fn frame_bytes(self) -> u32 {
+        match self {
+            Self::Nothing => BLOCK_FRAME_BYTES_MAX,
+            Self::Forces => BLOCK_FRAME_BYTES_MAX + FORCE_FRAME_BYTES_MAX,
+        }
+    }
+}
 
 /// Samples in a full block.
 const SAMPLES_PER_BLOCK: u32 = 8;
@@ -24,10 +47,22 @@ const LINE_BITS_PER_BYTE: u32 = 10;
 pub(crate) const HEADROOM_INVERSE: u32 = 20;
 
 /// Oversampling ratio of the slowest rate.
-const SLOWEST_OVERSAMPLING: u32 = 8192;
+const SLOWEST_OVERSAMPLING: u32 = FRONT_ENDS[0].oversampling[1];
 
 /// Fastest rate as a power of two above the slowest.
 const FASTEST_LOG2: u8 = 4;
+
+// The rates and gains here are those of every front-end so far; the first one with others makes `Rate` or `Gain` take
+// them from its row of the table.
+const _: () = {
+    let mut at = 0;
+    while at < FRONT_ENDS.len() {
+        let [fastest, slowest] = FRONT_ENDS[at].oversampling;
+        assert!(slowest == SLOWEST_OVERSAMPLING && fastest << FASTEST_LOG2 == slowest);
+        assert!(FRONT_ENDS[at].gain_largest == Gain::LARGEST.factor());
+        at += 1;
+    }
+};
 
 /// Nanoseconds in a second.
 const NS_PER_S: u64 = 1_000_000_000;
@@ -117,7 +152,13 @@ impl Rate {
 
     /// Cycles of the converter's clock for each sample.
     const fn cycles(self) -> u32 {
-        2 * (SLOWEST_OVERSAMPLING >> self.log2)
+        2 * self.oversampling()
+    }
+
+    /// Conversions of the converter's modulator for each sample.
+    #[must_use]
+    pub const fn oversampling(self) -> u32 {
+        SLOWEST_OVERSAMPLING >> self.log2
     }
 
     /// Samples a second, Hz, rounded.
@@ -135,16 +176,10 @@ impl Rate {
         u32::try_from((product + hz / 2) / hz).unwrap_or(u32::MAX)
     }
 
-    /// The oversampling ratio's code in the CLOCK register: 2 for 512 (8 kHz) to 6 for 8192 (500 Hz).
-    #[must_use]
-    pub(crate) const fn oversampling_code(self) -> u16 {
-        6 - self.log2 as u16
-    }
-
     /// Whether a line of so many baud carries this rate in the worst case; 0 baud has no limit.
     #[must_use]
-    pub fn fits_line(self, link_baud: u32) -> bool {
-        let bits_per_block = BLOCK_FRAME_BYTES_MAX * LINE_BITS_PER_BYTE;
+    pub fn fits_line(self, link_baud: u32, with: WithBlocks) -> bool {
+        let bits_per_block = with.frame_bytes() * LINE_BITS_PER_BYTE;
         let blocks = self.hz() / SAMPLES_PER_BLOCK;
         let needed = blocks * bits_per_block + blocks * bits_per_block / HEADROOM_INVERSE;
         link_baud == 0 || needed <= link_baud
@@ -152,8 +187,8 @@ impl Rate {
 
     /// The fastest rate that a line of so many baud carries, if it carries any.
     #[must_use]
-    pub fn fastest_on_line(link_baud: u32, clock: ConverterClock) -> Option<Self> {
-        Self::on(clock).find(|rate| rate.fits_line(link_baud))
+    pub fn fastest_on_line(link_baud: u32, clock: ConverterClock, with: WithBlocks) -> Option<Self> {
+        Self::on(clock).find(|rate| rate.fits_line(link_baud, with))
     }
 }
 
@@ -182,9 +217,9 @@ impl Gain {
         1 << self.log2
     }
 
-    /// The code in the GAIN1 register.
+    /// The power of two that it is.
     #[must_use]
-    pub(crate) const fn code(self) -> u16 {
+    pub const fn log2(self) -> u16 {
         self.log2 as u16
     }
 }
@@ -203,7 +238,8 @@ impl DeviceSettings {
     /// below it that the line carries.
     #[must_use]
     pub fn at_start(link_baud: u32, clock: ConverterClock) -> Self {
-        let rate = Rate::fastest_on_line(link_baud, clock).unwrap_or(Rate::slowest(clock)).min(Rate::usual(clock));
+        let fastest = Rate::fastest_on_line(link_baud, clock, WithBlocks::Nothing);
+        let rate = fastest.unwrap_or(Rate::slowest(clock)).min(Rate::usual(clock));
         Self { rate, gain: Gain::DEFAULT }
     }
 }
@@ -212,7 +248,7 @@ impl DeviceSettings {
 mod tests {
     use palpate_shared::frame::encode;
     use palpate_shared::units::{Counts, DeviceTime, Seq};
-    use palpate_shared::wire::{Block, FrameBuffer, FromDevice, Status};
+    use palpate_shared::wire::{Block, FrameBuffer, FromDevice, MeanForce, Status};
 
     use super::*;
 
@@ -226,12 +262,20 @@ mod tests {
     }
 
     #[test]
-    fn rates_have_the_datasheets_oversampling_codes() {
-        // f_CLKIN / 2 / OSR with 8.192 MHz; CLOCK bits 4:2 are 0 for 128, doubling.
+    fn the_largest_force_takes_as_many_bytes_as_the_constant_says() {
+        let (first, time, status) = (Seq(u32::MAX), DeviceTime(u32::MAX), Status(u16::MAX));
+        let force = MeanForce { first, time, samples: 8, status, force_un: [i32::MIN; 2] };
+        let mut line: FrameBuffer = [0; FRAME_MAX + 1];
+        assert_eq!(encode(&FromDevice::Force(force), &mut line).unwrap().len(), FORCE_FRAME_BYTES_MAX as usize);
+    }
+
+    #[test]
+    fn rates_have_the_datasheets_oversampling_ratios() {
+        // f_CLKIN / 2 / OSR with 8.192 MHz.
         for (hz, ratio) in [(8000, 512), (4000, 1024), (2000, 2048), (1000, 4096), (500, 8192)] {
             let rate = Rate::from_hz(hz, ConverterClock::NOMINAL).unwrap();
             assert_eq!((rate.hz(), 8_192_000 / 2 / ratio), (hz, hz));
-            assert_eq!(128_u32 << rate.oversampling_code(), ratio);
+            assert_eq!(rate.oversampling(), ratio);
             assert_eq!(u64::from(rate.period_ns()) * u64::from(hz), 1_000_000_000);
         }
         for hz in [0, 1, 250, 499, 3999, 16_000, u32::MAX] {
@@ -244,7 +288,7 @@ mod tests {
         // By hand, at 8 MHz: 2 · 1024 cycles of 125 ns.
         let clock = ConverterClock::from_hz(8_000_000).unwrap();
         let rate = Rate::usual(clock);
-        assert_eq!((rate.hz(), rate.period_ns(), rate.oversampling_code()), (3906, 256_000, 3));
+        assert_eq!((rate.hz(), rate.period_ns(), rate.oversampling()), (3906, 256_000, 1024));
         assert_eq!((Rate::slowest(clock).hz(), Rate::fastest(clock).hz()), (488, 7813));
         assert_eq!((Rate::from_hz(3906, clock), Rate::from_hz(4000, clock)), (Some(rate), None));
         assert_eq!(DeviceSettings::at_start(921_600, clock).rate, rate);
@@ -257,13 +301,19 @@ mod tests {
     fn gains_are_the_powers_of_two_to_128() {
         let gains: std::vec::Vec<u8> = (0..=255).filter(|&factor| Gain::from_factor(factor).is_some()).collect();
         assert_eq!(gains, [1, 2, 4, 8, 16, 32, 64, 128]);
-        assert_eq!(Gain::from_factor(32).map(Gain::code), Some(5));
+        assert_eq!(Gain::from_factor(32).map(Gain::log2), Some(5));
     }
 
     #[test]
     fn lines_carry_what_their_bits_allow() {
         // By hand: 85 bytes · 10 bits · rate / 8 · 1.05.
-        let fastest = |baud| Rate::fastest_on_line(baud, ConverterClock::NOMINAL).map(Rate::hz);
+        let with = |with, baud| Rate::fastest_on_line(baud, ConverterClock::NOMINAL, with).map(Rate::hz);
+        let fastest = |baud| with(WithBlocks::Nothing, baud);
+        // 116 bytes: 1218 kbit/s at 8 kHz, 609 at 4 kHz.
+        assert_eq!(
+            [0, 921_600, 115_200].map(|baud| with(WithBlocks::Forces, baud)),
+            [Some(8000), Some(4000), Some(500)]
+        );
         assert_eq!([0, 892_500, 921_600, 892_499].map(fastest), [Some(8000), Some(8000), Some(8000), Some(4000)]);
         assert_eq!([115_200, 57_600, 9600, 1].map(fastest), [Some(1000), Some(500), None, None]);
         assert_eq!(

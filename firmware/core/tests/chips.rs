@@ -1,6 +1,6 @@
 //! The whole suite again, on chips that behave otherwise where the datasheet is silent; `rig/chip.rs` reads which one
-//! from the modules' names. The suite itself runs on a chip that looks at STATUS as a frame starts, and resets as chip
-//! select rises.
+//! from the modules' names; and on the ADS131M04 with its four channels. The suite itself runs on an ADS131M02 that looks at
+//! STATUS as a frame starts, and resets as chip select rises.
 #![allow(clippy::duplicate_mod, reason = "that is what this file is for")]
 
 #[path = "commands.rs"]
@@ -41,3 +41,16 @@ mod orders_status_at_frame_end_reset_at_last_clock;
 mod stream_status_at_frame_end_reset_at_last_clock;
 #[path = "threads.rs"]
 mod threads_status_at_frame_end_reset_at_last_clock;
+
+#[path = "commands.rs"]
+mod commands_four_channels;
+#[path = "conservation.rs"]
+mod conservation_four_channels;
+#[path = "links.rs"]
+mod links_four_channels;
+#[path = "orders.rs"]
+mod orders_four_channels;
+#[path = "stream.rs"]
+mod stream_four_channels;
+#[path = "threads.rs"]
+mod threads_four_channels;

@@ -8,6 +8,7 @@ use std::thread;
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
+use palpate_firmware_core::ads131m::Ads131m;
 use palpate_firmware_core::queues::SamplerEnd;
 use palpate_firmware_core::{ConverterClock, Device, DeviceSettings, Queues, Sampler, SelectSource, SourceNotPossible};
 use palpate_shared::frame::{FRAME_MAX, FrameReader, encode};
@@ -50,8 +51,8 @@ impl SelectSource for Bus<'_> {
 fn sample(end: SamplerEnd<'_>, time_us: &AtomicU32, over: &AtomicBool) {
     let finger = rig::chip::on_chip_of(module_path!(), FingerConfig::ideal());
     let front_end = RefCell::new(SimulatedFrontEnd::new(finger, 1));
-    let mut sampler =
-        Sampler::new(Bus(SpiPort::new(&front_end)), end, DeviceSettings::at_start(0, ConverterClock::NOMINAL));
+    let chip = Ads131m::<_, { rig::CHANNELS }>::new(Bus(SpiPort::new(&front_end)));
+    let mut sampler = Sampler::new(chip, end, DeviceSettings::at_start(0, ConverterClock::NOMINAL));
     while !over.load(Ordering::Acquire) {
         let now = DeviceTime(time_us.fetch_add(250, Ordering::AcqRel).wrapping_add(250));
         if front_end.borrow_mut().step() {

@@ -17,6 +17,8 @@ use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
 use tracing_subscriber::registry::LookupSpan;
 
+use crate::progress;
+
 /// Levels for each part of the program, as `tracing` and `env_logger` read them: `debug`, `palpate_device=trace,warn`.
 const FILTER_VARIABLE: &str = "RUST_LOG";
 
@@ -100,6 +102,11 @@ pub(crate) fn release() {
     }
 }
 
+/// Whether lines are held back.
+pub(crate) fn is_held() -> bool {
+    held_lines().is_some()
+}
+
 /// The last so many lines that are held back, the newest at the end.
 pub(crate) fn held(count: usize) -> Vec<String> {
     let held = held_lines();
@@ -126,7 +133,10 @@ impl Write for StandardError {
 
     fn write_all(&mut self, bytes: &[u8]) -> io::Result<()> {
         let mut held = held_lines();
-        let Some(lines) = held.as_mut() else { return io::stderr().write_all(bytes) };
+        let Some(lines) = held.as_mut() else {
+            drop(held);
+            return progress::apart(|| io::stderr().write_all(bytes));
+        };
         let text = String::from_utf8_lossy(bytes);
         lines.extend(text.lines().map(without_colours));
         lines.drain(..lines.len().saturating_sub(HELD_MAX));

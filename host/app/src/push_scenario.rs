@@ -16,6 +16,8 @@ use palpate::pushing::dynamics::{
 };
 use palpate_files::part::{DescribedPart, PartFile};
 
+pub mod slow;
+
 /// A motion planned nearer than this to straight along the edge is along it, rad.
 const ALONG_TOLERANCE: f64 = 1e-9;
 
@@ -193,13 +195,13 @@ impl PushPlan {
     /// # Errors
     /// [`PlanError`].
     pub fn run(&self, file: &PartFile, times: &[f64]) -> Result<Pushed, PlanError> {
-        let spot = self.spot(&file.part)?;
+        let spot = spot(self.place, &file.part)?;
         self.check_motion()?;
         let (u, path) = self.finger(&spot)?;
         let model = ShapedModel::new(file.part.body(), spot.side, file.mu * GRAVITY_ASSUMED, self.shape, path)?;
         let start = if self.speed == 0.0 { Start::Rest { u, s: spot.s } } else { self.moving(&model, u, spot.s) };
         let turns: Vec<_> =
-            self.then.iter().map(|turn| (turn.t, toward(&spot, turn.direction, turn.acceleration))).collect();
+            self.then.iter().map(|turn| (turn.t, toward(spot.normal, turn.direction, turn.acceleration))).collect();
         let push = ShapedPush::new(model, self.contact, start, EdgeEnd::Stop)?.with_changes(&turns)?;
         let push = match &file.part {
             DescribedPart::Polygon(part) => push.around(part)?.ending_at_second_contact(),
@@ -207,31 +209,6 @@ impl PushPlan {
         };
         let run = push.run(times)?;
         Ok(Pushed { run, shape: self.shape, track: push.track().clone(), side: spot.side })
-    }
-
-    fn spot(&self, part: &DescribedPart) -> Result<Spot, PlanError> {
-        let centre = part.centre_of_mass();
-        match (self.place, part) {
-            (Place::Edge { index, s }, DescribedPart::Polygon(part)) => {
-                let edge = part.edge(index)?;
-                let [from, to] = part.edge_span(index)?;
-                let s = s.unwrap_or(0.5 * (from + to));
-                let point = centre + edge.normal * edge.height + Vector2::new(-edge.normal.y, edge.normal.x) * s;
-                Ok(Spot { side: PartSide::Edge(edge), s, point, normal: edge.normal })
-            }
-            (Place::Around { angle }, &DescribedPart::Ellipse { semi_axes: [a, b], .. }) => {
-                let (sin, cos) = angle.sin_cos();
-                let side = PartSide::Ellipse { semi_axes: [a, b], middle: -centre.coords };
-                let normal = Vector2::new(b * cos, a * sin).normalize();
-                Ok(Spot { side, s: angle, point: Point2::new(a * cos, b * sin), normal })
-            }
-            (_, DescribedPart::Polygon(_)) => {
-                Err(PlanError::WrongPlace { part: "a polygon", remedy: "the number of an edge" })
-            }
-            (_, DescribedPart::Ellipse { .. }) => {
-                Err(PlanError::WrongPlace { part: "an ellipse", remedy: "an angle around it" })
-            }
-        }
     }
 
     fn check_motion(&self) -> Result<(), PlanError> {
@@ -269,8 +246,8 @@ impl PushPlan {
         let centre = spot.point - self.shape.point(u);
         let path = FingerPath {
             centre0: centre,
-            velocity0: toward(spot, self.direction, self.speed),
-            acceleration: toward(spot, self.acceleration_direction, self.acceleration),
+            velocity0: toward(spot.normal, self.direction, self.speed),
+            acceleration: toward(spot.normal, self.acceleration_direction, self.acceleration),
         };
         Ok((u, path))
     }
@@ -282,9 +259,35 @@ impl PushPlan {
     }
 }
 
-/// A vector of this size in a direction counted from straight into the part, world axes.
-fn toward(spot: &Spot, direction: f64, size: f64) -> Vector2<f64> {
-    Rotation2::new(direction) * -spot.normal * size
+/// Where the outline of a part as drawn is touched.
+fn spot(place: Place, part: &DescribedPart) -> Result<Spot, PlanError> {
+    let centre = part.centre_of_mass();
+    match (place, part) {
+        (Place::Edge { index, s }, DescribedPart::Polygon(part)) => {
+            let edge = part.edge(index)?;
+            let [from, to] = part.edge_span(index)?;
+            let s = s.unwrap_or(0.5 * (from + to));
+            let point = centre + edge.normal * edge.height + Vector2::new(-edge.normal.y, edge.normal.x) * s;
+            Ok(Spot { side: PartSide::Edge(edge), s, point, normal: edge.normal })
+        }
+        (Place::Around { angle }, &DescribedPart::Ellipse { semi_axes: [a, b], .. }) => {
+            let (sin, cos) = angle.sin_cos();
+            let side = PartSide::Ellipse { semi_axes: [a, b], middle: -centre.coords };
+            let normal = Vector2::new(b * cos, a * sin).normalize();
+            Ok(Spot { side, s: angle, point: Point2::new(a * cos, b * sin), normal })
+        }
+        (_, DescribedPart::Polygon(_)) => {
+            Err(PlanError::WrongPlace { part: "a polygon", remedy: "the number of an edge" })
+        }
+        (_, DescribedPart::Ellipse { .. }) => {
+            Err(PlanError::WrongPlace { part: "an ellipse", remedy: "an angle around it" })
+        }
+    }
+}
+
+/// A vector of this size in a direction counted from straight into a part with this outward normal, world axes.
+fn toward(normal: Vector2<f64>, direction: f64, size: f64) -> Vector2<f64> {
+    Rotation2::new(direction) * -normal * size
 }
 
 impl Pushed {

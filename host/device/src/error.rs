@@ -246,6 +246,8 @@ fn in_words(refusal: Refusal) -> String {
         Refusal::Busy => "it is busy with an earlier command".to_owned(),
         Refusal::NotOnThisBoard => "this kind of board cannot do that".to_owned(),
         Refusal::Streaming => "it streams samples".to_owned(),
+        Refusal::MatrixDamaged => "the matrix came damaged, or holds numbers that are too large".to_owned(),
+        Refusal::NoForceMatrix => "it has no matrix to compute forces by".to_owned(),
     }
 }
 

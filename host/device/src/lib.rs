@@ -6,6 +6,12 @@
 //! until answered, and reconnection when the cable comes back. [`trace`] is what a session goes by, for a recording, which
 //! is a device like any other.
 //!
+//! `slow_channels`: excitation and NTC of a front-end that measures them; counts are handed on as at the nominal excitation.
+//!
+//! `device_forces`: forces that a device computes, held against its samples.
+//!
+//! [`dfu`] puts an image onto a board through the chip's own loader.
+//!
 //! [`raw_frame`] is for a person at a board that was never run before.
 //!
 //! [`robot`] is the link to what moves the finger, [`simulated`] a device without hardware that all of this talks to as to a real one; [`error`] is what can go
@@ -17,6 +23,8 @@
 #![forbid(unsafe_code)]
 
 pub mod clock_map;
+mod device_forces;
+pub mod dfu;
 pub mod error;
 mod link;
 pub mod raw_frame;
@@ -24,6 +32,7 @@ pub mod robot;
 pub mod sample_sequence;
 pub mod session;
 pub mod simulated;
+mod slow_channels;
 mod tape;
 pub mod trace;
 pub mod transport;

@@ -7,13 +7,14 @@
 //! ```
 //! use palpate_device::raw_frame::{self, Received};
 //! assert_eq!(raw_frame::parse("a000")?, raw_frame::parse("a00000 710000 000000 000000")?);
-//! let received = Received::of([0x22, 0x82, 0, 0, 0, 1, 0xFF, 0xFF, 0xFE, 0x20, 0xDF, 0]);
+//! # use palpate_shared::wire::FrontEndKind;
+//! let received = Received::of(FrontEndKind::Ads131m02, [0x22, 0x82, 0, 0, 0, 1, 0xFF, 0xFF, 0xFE, 0x20, 0xDF, 0]);
 //! assert_eq!((received.response, received.counts), (0x2282, [1, -2]));
 //! # Ok::<(), palpate_device::raw_frame::NotAFrame>(())
 //! ```
 
 use palpate_firmware_core::ads131m::{frame_of, has_its_checksum};
-use palpate_shared::wire::RAW_FRAME_BYTES;
+use palpate_shared::wire::{FrontEndKind, RAW_FRAME_BYTES};
 
 /// A text that names no frame.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -57,19 +58,20 @@ pub struct Received {
     pub response: u16,
     /// The codes of both channels.
     pub counts: [i32; 2],
-    /// Whether the checksum is that of response and codes.
-    pub is_sound: bool,
+    /// Whether the checksum is that of response and codes; `None` where the front-end's frames are longer, and their
+    /// checksum is not among what came.
+    pub is_sound: Option<bool>,
 }
 
 impl Received {
-    /// Takes a frame apart.
+    /// Takes a frame of this front-end apart.
     #[must_use]
-    pub fn of(bytes: [u8; RAW_FRAME_BYTES]) -> Self {
+    pub fn of(kind: FrontEndKind, bytes: [u8; RAW_FRAME_BYTES]) -> Self {
         let code = |at: usize| i32::from_be_bytes([bytes[at], bytes[at + 1], bytes[at + 2], 0]) >> 8;
         Self {
             response: u16::from_be_bytes([bytes[0], bytes[1]]),
             counts: [code(3), code(6)],
-            is_sound: has_its_checksum(&bytes),
+            is_sound: (usize::from(kind.facts().frame_bytes) == RAW_FRAME_BYTES).then(|| has_its_checksum(&bytes)),
         }
     }
 }
@@ -92,11 +94,14 @@ mod tests {
     #[test]
     fn a_damaged_frame_is_not_sound() {
         let bytes = [1, 3, 0, 0, 0, 1, 0xFF, 0xFF, 0xFF, 0x9F, 0xFC, 0];
-        assert_eq!(Received::of(bytes), Received { response: 0x0103, counts: [1, -1], is_sound: true });
+        let received = |kind| Received::of(kind, bytes);
+        let sound = Received { response: 0x0103, counts: [1, -1], is_sound: Some(true) };
+        assert_eq!(received(FrontEndKind::Ads131m02), sound);
+        assert_eq!(received(FrontEndKind::Ads131m04), Received { is_sound: None, ..sound });
         for at in 0..11 {
             let mut damaged = bytes;
             damaged[at] ^= 0x10;
-            assert!(!Received::of(damaged).is_sound, "byte {at}");
+            assert_eq!(Received::of(FrontEndKind::Ads131m02, damaged).is_sound, Some(false), "byte {at}");
         }
     }
 }

@@ -100,6 +100,12 @@ impl Sequence {
         Place { continuity, ..place }
     }
 
+    /// A time of the device in µs, without wrap: the one nearest to the last block's.
+    #[must_use]
+    pub fn time_us(&self, time: DeviceTime) -> u64 {
+        unwrap_near(self.last_time_us.unwrap_or_else(|| u64::from(time.0)), time.0)
+    }
+
     /// How a block joins those before it, of which `next` would be the next number.
     fn continuity(&mut self, place: Place, next: u64, wire: (Seq, DeviceTime), samples: u64) -> Continuity {
         if let Some(ahead) = place.first.checked_sub(next) {

@@ -24,15 +24,18 @@ use std::time::{Duration, Instant};
 use palpate::finger::Samples;
 use palpate_shared::units::{Counts, Seq};
 use palpate_shared::wire::{
-    Block, Command, CommandId, Counters, Event, Failure, Fault, FromDevice, Health, Hello, NewerMessage, Outcome,
-    PROTOCOL, ProtocolVersion, RAW_FRAME_BYTES, Refusal, Reply, Request, SelfTest, Source, Status, Temperature,
+    Block, Command, CommandId, Counters, Event, Failure, Fault, ForceMatrix, FromDevice, Health, Hello, NewerMessage,
+    Outcome, PROTOCOL, ProtocolVersion, RAW_FRAME_BYTES, Refusal, Reply, Request, SelfTest, SlowChannels, Source,
+    Status, Temperature,
 };
 
 use crate::clock_map::{ClockEstimate, ClockMap};
+use crate::device_forces::DeviceForces;
 use crate::error::{LinkError, Opened};
 use crate::link::{Heard, Link, gone};
 use crate::sample_sequence::{Continuity, Sequence};
 use crate::simulated::{Pace, SimulatedDevice};
+use crate::slow_channels::SlowReadings;
 use crate::tape::{PlaySpeed, Tape};
 use crate::trace::{Entry, Input, LinkEvent, Recorder, Stamp, nanoseconds};
 use crate::transport::address::Address;
@@ -74,6 +77,12 @@ pub enum Incoming {
     Event(Event),
     /// Temperature of the board.
     Temperature(Temperature),
+    /// Excitation and NTC, where the front-end has channels for them.
+    SlowChannels(SlowChannels),
+    /// Digital inputs, as they changed or stood at the start of the stream.
+    Inputs(InputLevels),
+    /// A force that the device computed, checked against the samples that it is of.
+    Force(DeviceForce),
     /// The device started anew: its settings were restored, its sample numbers begin again at 0.
     Restarted(Hello),
     /// The device streams and its samples have stopped coming, though the link stands. Told once until they come again.
@@ -94,6 +103,43 @@ pub enum Incoming {
         /// wrapped unseen.
         countable: bool,
     },
+}
+
+/// Levels of a board's digital inputs, placed on the device's time line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InputLevels {
+    /// Device time, in µs and without wrap, of the sample with which they were first read so; what changed last changed
+    /// since the sample before.
+    pub time_us: u64,
+    /// A bit for each input, 1 for high.
+    pub levels: u8,
+    /// Changes since the message before; more than 1 where several came at once or faster than they are told, 0 at the
+    /// start of the stream.
+    pub changes: u16,
+}
+
+/// A force as the device computed it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DeviceForce {
+    /// Device time of the middle of its samples' stamps, in µs and without wrap.
+    pub time_us: u64,
+    /// Mean force on x and y of the finger, in N.
+    pub force_finger: [f64; 2],
+    /// What holds for its samples; of saturated or unsettled ones it says nothing.
+    pub status: Status,
+    /// Whether it is, bit for bit, what the samples before it give; `None` where these did not come.
+    pub agrees: Option<bool>,
+}
+
+/// How often forces that the device computed were held against its samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ForceCheck {
+    /// Forces that were what the samples give.
+    pub equal: u64,
+    /// Forces that were not.
+    pub different: u64,
+    /// Forces whose samples did not come.
+    pub unchecked: u64,
 }
 
 /// What a session has counted.
@@ -235,6 +281,9 @@ pub struct Session {
     silence_told: bool,
     last_status: Status,
     temperature_c: Option<f64>,
+    slow: SlowReadings,
+    input_levels: Option<InputLevels>,
+    device_forces: DeviceForces,
     /// Added to the device's time, so that it goes on over the device's restarts.
     time_base_us: u64,
     /// Found while taking in a message; told by the next call.
@@ -339,6 +388,9 @@ impl Session {
             silence_told: false,
             last_status: Status::default(),
             temperature_c: None,
+            slow: SlowReadings::default(),
+            input_levels: None,
+            device_forces: DeviceForces::default(),
             time_base_us: 0,
             pending_error: None,
             still_down: String::new(),
@@ -373,10 +425,26 @@ impl Session {
         self.hello.source == Source::Simulated || self.last_status.contains(Status::SIMULATED)
     }
 
-    /// The board's temperature as it last told, in °C; `None` where it has no sensor.
+    /// The finger's temperature, in °C, where the front-end has an NTC at its clamp, or the board's as it last told;
+    /// `None` where neither has a sensor.
     #[must_use]
     pub fn temperature_c(&self) -> Option<f64> {
-        self.temperature_c
+        self.slow.ntc_c().or(self.temperature_c)
+    }
+
+    /// The digital inputs as last told; `None` before the first stream, and from firmware before protocol 1.4.
+    #[must_use]
+    pub fn inputs(&self) -> Option<InputLevels> {
+        self.input_levels
+    }
+
+    /// The bridges' excitation as last measured, in V; `None` where the front-end has no channel for it.
+    ///
+    /// Where there is one, counts are handed on as they would be at the excitation of [`Self::hello`]: what the bridges
+    /// give is proportional to it.
+    #[must_use]
+    pub fn excitation_v(&self) -> Option<f64> {
+        self.slow.excitation_v()
     }
 
     /// What was counted so far.
@@ -516,6 +584,9 @@ impl Session {
             Request::SetRate { rate_hz } => settings.rate_hz = rate_hz,
             Request::SetGain { gain } => settings.gain = gain,
             Request::SetSource { source } => settings.source = source,
+            Request::SetForceMatrix { matrix, .. } => self.device_forces.matrix = Some(matrix),
+            Request::SetForceTare { tare } => self.device_forces.tare(tare),
+            Request::StreamForces { on } => self.device_forces.is_on = on,
             Request::Start => {
                 self.wanted.streaming = true;
                 self.samples_came(now);
@@ -653,6 +724,26 @@ impl Session {
             Outcome::RawFrame { bytes } => Ok(bytes),
             _ => Err(LinkError::WrongAnswer { request: in_words(request) }),
         }
+    }
+
+    /// Has the device compute forces by this matrix, and send one with each block; or no longer. Not while it streams.
+    ///
+    /// Forces come beside the samples, and each is held against them: whoever has both goes by the samples. A device that
+    /// starts anew gets the matrix again.
+    ///
+    /// # Errors
+    /// As [`Session::request`]; refused while streaming, and where the line does not carry both at this rate.
+    pub fn set_device_forces(&mut self, matrix: Option<ForceMatrix>) -> Result<(), LinkError> {
+        if let Some(matrix) = matrix {
+            self.request(Request::SetForceMatrix { matrix, checksum: matrix.checksum() })?;
+        }
+        self.request(Request::StreamForces { on: matrix.is_some() }).map(drop)
+    }
+
+    /// How the device's forces compared with its samples so far.
+    #[must_use]
+    pub fn force_check(&self) -> ForceCheck {
+        self.device_forces.check
     }
 
     /// Restarts the device. [`Session::next`] then hands on [`Incoming::Restarted`] and restores the settings.
@@ -800,7 +891,16 @@ impl Session {
 
     /// Drops samples that have arrived and were not yet handed on; events and changes of the link stay.
     pub fn forget_waiting(&mut self) {
-        self.backlog.retain(|(incoming, _)| !matches!(incoming, Incoming::Samples(_) | Incoming::Temperature(_)));
+        self.backlog.retain(|(incoming, _)| {
+            !matches!(
+                incoming,
+                Incoming::Samples(_)
+                    | Incoming::Temperature(_)
+                    | Incoming::SlowChannels(_)
+                    | Incoming::Inputs(_)
+                    | Incoming::Force(_)
+            )
+        });
     }
 
     /// Whether nothing is handed on this time: on a tape, where nothing was.
@@ -937,6 +1037,25 @@ impl Session {
                 self.temperature_c = Some(f64::from(temperature.centi_celsius) / 100.0);
                 self.backlog.push_back((Incoming::Temperature(temperature), came.at));
             }
+            FromDevice::Inputs(inputs) => {
+                let time_us = self.time_base_us + self.sequence.time_us(inputs.time);
+                let levels = InputLevels { time_us, levels: inputs.levels, changes: inputs.changes };
+                self.input_levels = Some(levels);
+                self.backlog.push_back((Incoming::Inputs(levels), came.at));
+            }
+            // Forces that a program before this one asked for, and left on, are not this one's.
+            FromDevice::Force(_) if !self.device_forces.is_on => {}
+            FromDevice::Force(force) => {
+                let time_us = self.time_base_us + self.sequence.time_us(force.time);
+                let half_us =
+                    u64::from(force.samples.saturating_sub(1)) * 500_000 / u64::from(self.hello.rate_hz.max(1));
+                let force = self.device_forces.take(&force, time_us + half_us);
+                self.backlog.push_back((Incoming::Force(force), came.at));
+            }
+            FromDevice::SlowChannels(slow) => {
+                self.slow.take(&self.hello, slow);
+                self.backlog.push_back((Incoming::SlowChannels(slow), came.at));
+            }
             FromDevice::Hello(hello) => self.restarted(hello, Numbers::FromZero),
             // The reply to a command that was answered before: the first answer was slow, not lost.
             FromDevice::Reply(_) => {}
@@ -955,6 +1074,7 @@ impl Session {
     }
 
     fn take_block(&mut self, block: Block, came: Stamp) {
+        self.device_forces.remember(&block);
         if self.standing != Standing::Known {
             // What its samples mean is not known. They will be missing.
             return;
@@ -972,7 +1092,11 @@ impl Session {
         };
         self.last_status = block.status;
         self.samples_came(came.at);
-        let counts: Vec<[Counts; 2]> = block.samples.into_iter().skip(repeated).collect();
+        let counts = block.samples.into_iter().skip(repeated);
+        let counts: Vec<[Counts; 2]> = counts.map(|pair| pair.map(|code| self.slow.at_nominal(code))).collect();
+        // What a code means is not known before the excitation is.
+        let unknown = self.slow.is_awaited(&self.hello);
+        let status = if unknown { block.status.with(Status::SETTLING) } else { block.status };
         if counts.is_empty() {
             return;
         }
@@ -981,7 +1105,7 @@ impl Session {
             missing_before,
             time_us: self.time_base_us + place.time_us + repeated as u64 * 1_000_000 / u64::from(rate_hz),
             period_us: 1e6 / f64::from(rate_hz),
-            status: block.status,
+            status,
             counts,
         };
         self.block = Duration::from_secs_f64(samples.counts.len() as f64 / f64::from(rate_hz));
@@ -1158,6 +1282,10 @@ impl Session {
                 other => other.map(drop)?,
             }
         }
+        // They are asked for at rest: a device that did not start anew, and streams, has them still.
+        if let Some(matrix) = self.device_forces.wanted().filter(|_| !self.hello.streaming) {
+            self.set_device_forces(Some(matrix))?;
+        }
         self.refresh_hello()?;
         let is = Settings::of(&self.hello);
         if is != was {
@@ -1301,5 +1429,10 @@ fn in_words(request: Request) -> String {
         Request::Fail { failure: Failure::BadAccess } => "to read where no memory is".to_owned(),
         Request::Fail { failure: Failure::StackOverflow } => "to overflow its stack".to_owned(),
         Request::RawFrame { .. } => "to exchange a frame with its front-end".to_owned(),
+        Request::SetForceMatrix { .. } => "to keep a matrix of forces".to_owned(),
+        Request::SetForceTare { .. } => "to take a tare for its forces".to_owned(),
+        Request::StreamForces { on: true } => "to send forces".to_owned(),
+        Request::StreamForces { on: false } => "to send no forces".to_owned(),
+        Request::ForceMatrix => "for the matrix of its forces".to_owned(),
     }
 }

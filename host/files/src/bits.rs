@@ -29,12 +29,12 @@ pub enum BitError {
         /// What stands there.
         word: String,
     },
-    /// No point of the plan.
-    #[error("`{word}` is no point: the plan has points 1 to {points}")]
+    /// No switch.
+    #[error("`{word}` is no switch: they are numbered from 1 to {points}")]
     Point {
         /// What stands there.
         word: String,
-        /// How many points there are.
+        /// How many there are.
         points: usize,
     },
     /// Neither covered nor free.
@@ -54,7 +54,7 @@ pub enum BitError {
 }
 
 impl BitChange {
-    /// A line, of a plan with so many points. An empty one, or one that begins with `#`, is none.
+    /// A line, of so many switches. An empty one, or one that begins with `#`, is none.
     ///
     /// # Errors
     /// [`BitError`].
@@ -114,14 +114,18 @@ impl Settling {
             return Err(BitError::Back { t: change.t, before });
         }
         self.last = Some(change.t);
-        let has_settled = self.changed.is_some_and(|changed| change.t - changed >= self.debounce);
-        let settled = if has_settled { self.settle() } else { None };
+        let settled = self.until(change.t);
         let reading = if change.covered { '1' } else { '0' };
         if self.readings[change.point] != reading {
             self.readings[change.point] = reading;
             self.changed = Some(change.t);
         }
         Ok(settled)
+    }
+
+    /// Nothing changed until this time, s: the readings, where they have settled and differ from those told last.
+    pub fn until(&mut self, time: f64) -> Option<Settled> {
+        if self.changed.is_some_and(|changed| time - changed >= self.debounce) { self.settle() } else { None }
     }
 
     /// The readings, once nothing more comes or nothing came for that long.

@@ -28,6 +28,7 @@ use palpate::rolling::{Harmonic, PalmAcceleration, Pieces};
 use serde::Deserialize;
 
 use crate::part::{Numbers, Unit};
+use crate::recordings::mapping::Mapping;
 use crate::recordings::table::{self, Column, Quantity, Table};
 use crate::recordings::{ReadError, RecordingProblem};
 
@@ -121,9 +122,27 @@ struct PieceKeys {
 /// The columns of a table.
 const COLUMNS: [Column; 4] = [
     table::TIME,
-    Column { name: "ax", names: &["ax", "a_x", "acceleration_x", "acceleration.x"], quantity: Quantity::ACCELERATION },
-    Column { name: "ay", names: &["ay", "a_y", "acceleration_y", "acceleration.y"], quantity: Quantity::ACCELERATION },
-    Column { name: "az", names: &["az", "a_z", "acceleration_z", "acceleration.z"], quantity: Quantity::ACCELERATION },
+    Column {
+        key: "ax",
+        name: "ax",
+        names: &["ax", "a_x", "acceleration_x", "acceleration.x"],
+        ends: &[".linear_acceleration.x"],
+        quantity: Quantity::ACCELERATION,
+    },
+    Column {
+        key: "ay",
+        name: "ay",
+        names: &["ay", "a_y", "acceleration_y", "acceleration.y"],
+        ends: &[".linear_acceleration.y"],
+        quantity: Quantity::ACCELERATION,
+    },
+    Column {
+        key: "az",
+        name: "az",
+        names: &["az", "a_z", "acceleration_z", "acceleration.z"],
+        ends: &[".linear_acceleration.z"],
+        quantity: Quantity::ACCELERATION,
+    },
 ];
 
 impl PalmFile {
@@ -210,7 +229,7 @@ fn all_finite(place: impl Fn() -> String, key: &'static str, values: &[f64]) -> 
 }
 
 fn measured(text: &str) -> Result<PalmFile, PalmFileError> {
-    let Table { rows, problems, .. } = table::parse(text, &COLUMNS)?;
+    let Table { rows, problems, .. } = table::parse(text, &COLUMNS, &Mapping::default())?;
     let value = |[_, x, y, z]: &[f64; 4]| Vector3::new(*x, *y, *z);
     let starts = rows.iter().map(|row| row[0]).take(rows.len() - 1).collect();
     let means: Vec<_> = rows.windows(2).map(|pair| (value(&pair[0]) + value(&pair[1])) / 2.0).collect();

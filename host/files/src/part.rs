@@ -29,6 +29,18 @@
 //! support = "unknown"           # it presses on the table anyhow, instead of uniformly (optional)
 //! ```
 //!
+//! Instead of `vertices` the outline may be that of a file from CAD, next to this one: see [`crate::shapes`].
+//!
+//! ```toml
+//! outline = "part.dxf"                            # or .svg; what is said of it goes into a table:
+//! outline = {file = "part.stl", unit = "mm", height = 8}     # slice above the table, or shadow = true; up = "-z" lies on its back
+//! outline = {file = "part.svg", unit = "mm", layer = "cut", curve_error = 0.02, holes = "fill"}
+//! ```
+//!
+//! `unit` there is that of the file, needed where it does not say; chords of curves are off by `curve_error` at most (0.05 mm), and by
+//! what they are off the `outline_sigma` is the more. A solid (STL) tells its centre of mass, radius of gyration and feet too, unless they
+//! stand here.
+//!
 //! An elliptic part has, instead of `vertices`, `ellipse = {a = 40, b = 25}`: its semi-axes along x and y, its middle
 //! at the origin.
 //!
@@ -44,6 +56,8 @@ use palpate::pushing::dynamics::{Body, Mass, Part};
 use palpate::pushing::estimation::from_rest::PartErrors;
 use serde::Deserialize;
 
+use crate::shapes::{Drawn, Opener, OutlineKeys, ShapeError, Solid, closed};
+
 /// A part that a person has described.
 #[derive(Clone, Debug)]
 pub struct PartFile {
@@ -57,6 +71,17 @@ pub struct PartFile {
     pub errors: PartErrors,
     /// The unit in which the person thinks.
     pub unit: Unit,
+    /// What a file said of the outline, if one did.
+    pub drawn: Option<FromDrawing>,
+}
+
+/// What a part file took from another.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FromDrawing {
+    /// Chords are no further from their curves, m.
+    pub error: f64,
+    /// What a solid told.
+    pub solid: Option<Solid>,
 }
 
 /// A part with its outline.
@@ -83,6 +108,14 @@ fn ellipse_outline([a, b]: [f64; 2]) -> Vec<Point2<f64>> {
 }
 
 impl DescribedPart {
+    /// The part that a file draws, of uniform density where it is a drawing.
+    ///
+    /// # Errors
+    /// [`PartFileError::TipsOver`] for a solid that does not stay as it lies.
+    pub fn of_drawn(drawn: &Drawn, unit: Unit) -> Result<Self, PartFileError> {
+        Keys::nothing(unit).drawn_polygon(drawn)
+    }
+
     /// What the part rests on, and its mass.
     #[must_use]
     pub fn body(&self) -> &Body {
@@ -177,6 +210,7 @@ struct Keys {
     unit: Unit,
     vertices: Option<Vec<Numbers<2>>>,
     ellipse: Option<SemiAxes>,
+    outline: Option<OutlineKeys>,
     mu: f64,
     mu_c: Option<f64>,
     feet: Option<Vec<Numbers<3>>>,
@@ -228,8 +262,11 @@ pub enum PartFileError {
     /// The outline; coordinates are in the file's unit.
     #[error("vertices: {0}")]
     Outline(PolygonError),
+    /// The file that draws the outline.
+    #[error("outline: {0}")]
+    Drawing(ShapeError),
     /// No outline, or two.
-    #[error("the part has {what}: give either `vertices` or `ellipse`")]
+    #[error("the part has {what}: give one of `vertices`, `ellipse` and `outline`")]
     OneOutline {
         /// The outlines that it has, in words.
         what: &'static str,
@@ -503,23 +540,34 @@ impl PartFile {
     /// # Errors
     /// [`PartFileError`] names the first thing found wrong.
     pub fn parse(text: &str) -> Result<Self, PartFileError> {
-        Self::of(&Keys::parse(text)?)
+        Self::parse_beside(text, &closed)
     }
 
-    fn of(keys: &Keys) -> Result<Self, PartFileError> {
+    /// Reads the text of a file that may name another, which is opened as it says.
+    ///
+    /// # Errors
+    /// [`PartFileError`] names the first thing found wrong.
+    pub fn parse_beside(text: &str, open: Opener<'_>) -> Result<Self, PartFileError> {
+        let keys = Keys::parse(text)?;
+        Self::of(&keys, keys.drawn(open)?.as_ref())
+    }
+
+    fn of(keys: &Keys, drawn: Option<&Drawn>) -> Result<Self, PartFileError> {
         if let Some(SupportField::List(supports)) = &keys.support {
             return Err(PartFileError::Supports { count: supports.len() });
         }
         let mu = friction("mu", keys.mu)?;
         let mu_c = keys.mu_c.map(|value| friction("mu_c", value)).transpose()?;
-        let part = match (&keys.vertices, keys.ellipse) {
-            (Some(vertices), None) => keys.polygon(vertices)?,
-            (None, Some(semi_axes)) => keys.ellipse(semi_axes)?,
-            (None, None) => return Err(PartFileError::OneOutline { what: "no outline" }),
-            (Some(_), Some(_)) => return Err(PartFileError::OneOutline { what: "two outlines" }),
+        let part = match (&keys.vertices, keys.ellipse, drawn) {
+            (Some(vertices), None, None) => keys.polygon(vertices)?,
+            (None, Some(semi_axes), None) => keys.ellipse(semi_axes)?,
+            (None, None, Some(drawn)) => keys.drawn_polygon(drawn)?,
+            (None, None, None) => return Err(PartFileError::OneOutline { what: "no outline" }),
+            _ => return Err(PartFileError::OneOutline { what: "two outlines" }),
         };
-        let errors = keys.errors(part.body().inertia_per_mass().sqrt())?;
-        Ok(Self { part, mu, mu_c, errors, unit: keys.unit })
+        let errors = keys.errors(part.body().inertia_per_mass().sqrt(), drawn)?;
+        let drawn = drawn.map(|drawn| FromDrawing { error: drawn.error, solid: drawn.solid.clone() });
+        Ok(Self { part, mu, mu_c, errors, unit: keys.unit, drawn })
     }
 }
 
@@ -550,7 +598,15 @@ impl PolygonFile {
     /// # Errors
     /// [`PartFileError`], also for an elliptic part and for a µ of 0.
     pub fn parse(text: &str) -> Result<Self, PartFileError> {
-        Self::of(PartFile::parse(text)?)
+        Self::parse_beside(text, &closed)
+    }
+
+    /// Reads the text of a file that may name another, which is opened as it says.
+    ///
+    /// # Errors
+    /// [`PartFileError`], also for an elliptic part and for a µ of 0.
+    pub fn parse_beside(text: &str, open: Opener<'_>) -> Result<Self, PartFileError> {
+        Self::of(PartFile::parse_beside(text, open)?)
     }
 
     /// Reads the text of a file that may list several supports: the part on each, with the support's name. A file
@@ -573,10 +629,21 @@ impl PolygonFile {
     /// # Errors
     /// [`PartFileError`], also for an elliptic part, a µ of 0 and an empty list.
     pub fn parse_supports(text: &str) -> Result<Vec<(Option<String>, Self)>, PartFileError> {
+        Self::parse_supports_beside(text, &closed)
+    }
+
+    /// The same of a file that may name another, which is opened as it says.
+    ///
+    /// # Errors
+    /// As [`Self::parse_supports`].
+    pub fn parse_supports_beside(text: &str, open: Opener<'_>) -> Result<Vec<(Option<String>, Self)>, PartFileError> {
         let keys = Keys::parse(text)?;
+        let drawn = keys.drawn(open)?;
         let Some(SupportField::List(supports)) = &keys.support else {
-            return Ok(vec![(None, Self::of(PartFile::of(&keys)?)?)]);
+            return Ok(vec![(None, Self::of(PartFile::of(&keys, drawn.as_ref())?)?)]);
         };
+        // The list says what it stands on, whatever a solid's lowest facets are.
+        let drawn = drawn.map(|drawn| Drawn { solid: drawn.solid.map(|solid| Solid { feet: None, ..solid }), ..drawn });
         match (supports.is_empty(), &keys.feet) {
             (true, _) => return Err(PartFileError::SupportList { what: "support is empty" }),
             (_, Some(_)) => return Err(PartFileError::SupportList { what: "feet and supports" }),
@@ -584,7 +651,7 @@ impl PolygonFile {
         }
         let of = |support: &SupportKeys| {
             let one = Keys { feet: support.feet.clone(), support: None, ..keys.clone() };
-            let file = PartFile::of(&one).and_then(Self::of).map_err(|error| match &support.feet {
+            let file = PartFile::of(&one, drawn.as_ref()).and_then(Self::of).map_err(|error| match &support.feet {
                 Some(_) => PartFileError::Support { name: support.name.clone(), error: Box::new(error) },
                 None => error,
             })?;
@@ -593,7 +660,7 @@ impl PolygonFile {
         supports.iter().map(of).collect()
     }
 
-    fn of(PartFile { part, mu, mu_c, errors, unit }: PartFile) -> Result<Self, PartFileError> {
+    fn of(PartFile { part, mu, mu_c, errors, unit, .. }: PartFile) -> Result<Self, PartFileError> {
         match part {
             DescribedPart::Polygon(_) if mu == 0.0 => Err(PartFileError::NothingResists),
             DescribedPart::Polygon(part) => Ok(Self { part, mu, mu_c, errors, unit }),
@@ -635,12 +702,37 @@ fn shares(feet: &[Numbers<3>], metres: f64) -> Result<Vec<(Point2<f64>, f64)>, P
 }
 
 impl Keys {
+    /// A file in which nothing is said.
+    fn nothing(unit: Unit) -> Self {
+        Self {
+            unit,
+            vertices: None,
+            ellipse: None,
+            outline: None,
+            mu: 0.0,
+            mu_c: None,
+            feet: None,
+            centre_of_mass: None,
+            radius_of_gyration: None,
+            support: None,
+            outline_sigma: None,
+            centre_of_mass_sigma: None,
+        }
+    }
+
     fn parse(text: &str) -> Result<Self, PartFileError> {
         toml::from_str(text).map_err(|error| PartFileError::Toml(error.to_string()))
     }
 
-    /// What is said not to be known of a part with this radius of gyration, m.
-    fn errors(&self, radius_of_gyration: f64) -> Result<PartErrors, PartFileError> {
+    /// The outline from another file.
+    fn drawn(&self, open: Opener<'_>) -> Result<Option<Drawn>, PartFileError> {
+        let drawn = self.outline.as_ref().map(|outline| outline.draw(self.unit.metres(), open));
+        drawn.transpose().map_err(PartFileError::Drawing)
+    }
+
+    /// What is said not to be known of a part with this radius of gyration, m. Chords count with what they are off at most
+    /// as one standard deviation.
+    fn errors(&self, radius_of_gyration: f64, drawn: Option<&Drawn>) -> Result<PartErrors, PartFileError> {
         let size = radius_of_gyration / self.unit.metres();
         let deviation = |key: &'static str, value: Option<f64>, share: f64| match value.unwrap_or(0.0) {
             value if !(value.is_finite() && value >= 0.0) => Err(PartFileError::Deviation { key, value }),
@@ -654,8 +746,9 @@ impl Keys {
             return Err(PartFileError::UnknownFeet);
         }
         Ok(PartErrors {
-            outline_sigma: deviation("outline_sigma", self.outline_sigma, OUTLINE_SIGMA_MAX)?,
-            mass_follows_outline: self.centre_of_mass.is_none(),
+            outline_sigma: deviation("outline_sigma", self.outline_sigma, OUTLINE_SIGMA_MAX)?
+                .hypot(drawn.map_or(0.0, |drawn| drawn.error)),
+            mass_follows_outline: self.centre_of_mass.is_none() && drawn.is_none_or(|drawn| drawn.solid.is_none()),
             centre_of_mass_sigma: deviation(
                 "centre_of_mass_sigma",
                 self.centre_of_mass_sigma,
@@ -673,12 +766,25 @@ impl Keys {
             SimplePolygon::new(vertices).map_err(PartFileError::Outline)
         };
         scaled(1.0)?;
-        let polygon = scaled(metres)?;
-        let mass = self.mass(Mass::uniform(&polygon))?;
-        self.rests(polygon.vertices(), mass.centre_of_mass)?;
-        Ok(DescribedPart::Polygon(match &self.feet {
-            None => Part::with_mass(polygon, mass),
-            Some(feet) => Part::on_feet(polygon, &shares(feet, metres)?, mass),
+        self.bounded_by(scaled(metres)?, None)
+    }
+
+    /// What a file draws; what a solid tells beside its outline gives way to what is said here.
+    fn drawn_polygon(&self, drawn: &Drawn) -> Result<DescribedPart, PartFileError> {
+        self.bounded_by(drawn.outline.clone(), drawn.solid.as_ref())
+    }
+
+    fn bounded_by(&self, polygon: SimplePolygon, solid: Option<&Solid>) -> Result<DescribedPart, PartFileError> {
+        let mass = self.mass(solid.map_or_else(|| Mass::uniform(&polygon), |solid| solid.mass))?;
+        let own_feet = match (&self.feet, &self.support) {
+            (None, None) => solid.and_then(|solid| solid.feet.clone()),
+            _ => None,
+        };
+        self.rests(polygon.vertices(), own_feet.as_deref(), mass.centre_of_mass)?;
+        Ok(DescribedPart::Polygon(match (&self.feet, own_feet) {
+            (None, None) => Part::with_mass(polygon, mass),
+            (None, Some(feet)) => Part::on_feet(polygon, &feet, mass),
+            (Some(feet), _) => Part::on_feet(polygon, &shares(feet, self.unit.metres())?, mass),
         }))
     }
 
@@ -691,7 +797,7 @@ impl Keys {
         let metres = self.unit.metres();
         let semi_axes = [a * metres, b * metres];
         let mass = self.mass(Mass::of_ellipse(semi_axes))?;
-        self.rests(&ellipse_outline(semi_axes), mass.centre_of_mass)?;
+        self.rests(&ellipse_outline(semi_axes), None, mass.centre_of_mass)?;
         let body = match &self.feet {
             None => Body::uniform(SupportFriction::ellipse(semi_axes), mass),
             Some(feet) => Body::on_feet(&shares(feet, metres)?, mass),
@@ -700,10 +806,19 @@ impl Keys {
     }
 
     /// Whether a part with this outline stays on what carries it: its centre of mass lies above.
-    fn rests(&self, outline: &[Point2<f64>], centre_of_mass: Point2<f64>) -> Result<(), PartFileError> {
+    fn rests(
+        &self,
+        outline: &[Point2<f64>],
+        own_feet: Option<&[(Point2<f64>, f64)]>,
+        centre_of_mass: Point2<f64>,
+    ) -> Result<(), PartFileError> {
         let metres = self.unit.metres();
-        let feet: Option<Vec<_>> =
-            self.feet.as_ref().map(|feet| feet.iter().map(|&Numbers([x, y, _])| Point2::new(x, y) * metres).collect());
+        let own_feet = || own_feet.map(|feet| feet.iter().map(|(at, _)| *at).collect());
+        let feet: Option<Vec<_>> = self
+            .feet
+            .as_ref()
+            .map(|feet| feet.iter().map(|&Numbers([x, y, _])| Point2::new(x, y) * metres).collect())
+            .or_else(own_feet);
         // Checked for what they are where they are read.
         let is_sound = |feet: &Vec<Numbers<3>>| {
             !feet.is_empty()
@@ -768,7 +883,7 @@ mod tests {
 
     #[test]
     fn without_more_keys_a_part_is_a_uniform_plate() {
-        let PartFile { part, mu, mu_c, unit, errors } = PartFile::parse(BLOCK).unwrap();
+        let PartFile { part, mu, mu_c, unit, errors, .. } = PartFile::parse(BLOCK).unwrap();
         assert_eq!(errors, PartErrors::NONE);
         assert_eq!((mu, mu_c, unit), (0.3, None, Unit::Millimetre));
         assert!((part.centre_of_mass() - Point2::new(0.03, 0.02)).norm() < ROUNDING);

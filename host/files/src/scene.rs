@@ -10,16 +10,20 @@
 //! poses = [[0, 0, 0], [20, 5, 90]]                        # x, y, degrees (optional: once, as drawn)
 //! ```
 //!
+//! Instead of `vertices` a shape may have `outline = "part.dxf"`, as a part file has.
+//!
 //! A bulge is the tangent of a quarter of the arc's angle, as in DXF: positive to the outside, 1 for a half circle.
 //! Arcs become chords, and points are kept farther from them than the chords are off (thesis §3.7).
 //!
 //! Frames: world. Units: SI once read. Errors: [`SceneFileError`] names the shape, the value and what to do.
 
 use nalgebra::{Isometry2, Point2, Vector2};
+use palpate::geometry::curve::{BulgedEdge, Chords};
 use palpate::geometry::{PolygonError, SimplePolygon};
 use serde::Deserialize;
 
 use crate::part::{Numbers, Unit};
+use crate::shapes::{Opener, OutlineKeys, ShapeError, closed};
 
 /// How far chords may be from their arc where the file does not say, m.
 const CURVE_ERROR_DEFAULT_M: f64 = 1e-5;
@@ -33,9 +37,6 @@ const PLACE_STEP_M: f64 = 9.094_947_017_729_282e-13;
 pub fn snapped(place: Point2<f64>) -> Point2<f64> {
     place.map(|value| (value / PLACE_STEP_M).round() * PLACE_STEP_M)
 }
-
-/// Most chords of one arc: beyond it the error asked for is a mistake.
-const CHORDS_MAX: f64 = 10_000.0;
 
 /// What is to be told apart.
 #[derive(Clone, Debug)]
@@ -77,6 +78,20 @@ pub enum SceneFileError {
         /// Why the outline is no polygon.
         error: PolygonError,
     },
+    /// Not exactly one outline.
+    #[error("shape `{shape}`: give either `vertices` or `outline`")]
+    WhichOutline {
+        /// Name of the shape.
+        shape: String,
+    },
+    /// The file that draws an outline.
+    #[error("shape `{shape}`: outline: {error}")]
+    Drawing {
+        /// Name of the shape.
+        shape: String,
+        /// What is wrong with it.
+        error: ShapeError,
+    },
     /// An error that no number of chords keeps.
     #[error("`curve_error` is {0}: give a length above 0, not below a ten-thousandth of the arcs' size")]
     CurveError(f64),
@@ -95,7 +110,8 @@ struct RawScene {
 #[serde(deny_unknown_fields)]
 struct RawShape {
     name: Option<String>,
-    vertices: Vec<Vec<f64>>,
+    vertices: Option<Vec<Vec<f64>>>,
+    outline: Option<OutlineKeys>,
     #[serde(default)]
     poses: Vec<Numbers<3>>,
 }
@@ -113,6 +129,14 @@ impl SceneFile {
     /// # Ok::<(), palpate_files::scene::SceneFileError>(())
     /// ```
     pub fn parse(text: &str) -> Result<Self, SceneFileError> {
+        Self::parse_beside(text, &closed)
+    }
+
+    /// Reads a scene that may name other files, which are opened as it says.
+    ///
+    /// # Errors
+    /// [`SceneFileError`].
+    pub fn parse_beside(text: &str, open: Opener<'_>) -> Result<Self, SceneFileError> {
         let raw: RawScene = toml::from_str(text)?;
         let metres = raw.unit.metres();
         let limit = raw.curve_error.map_or(CURVE_ERROR_DEFAULT_M, |error| error * metres);
@@ -121,23 +145,24 @@ impl SceneFile {
         }
         let mut scene = Self { names: Vec::new(), polygons: Vec::new(), curve_error: 0.0, unit: raw.unit };
         for (number, shape) in raw.shape.iter().enumerate() {
-            scene.add(shape, number, limit)?;
+            scene.add(shape, number, limit, open)?;
         }
         if scene.polygons.is_empty() { Err(SceneFileError::Empty) } else { Ok(scene) }
     }
 
-    fn add(&mut self, shape: &RawShape, number: usize, limit: f64) -> Result<(), SceneFileError> {
+    fn add(&mut self, shape: &RawShape, number: usize, limit: f64, open: Opener<'_>) -> Result<(), SceneFileError> {
         let metres = self.unit.metres();
         let name = shape.name.clone().unwrap_or_else(|| format!("shape {}", number + 1));
-        let corners = corners(shape, &name, metres)?;
-        let mut outline = Vec::new();
-        for (k, &(start, bulge)) in corners.iter().enumerate() {
-            let (end, _) = corners[(k + 1) % corners.len()];
-            let arc = Arc { start, end, bulge };
-            let chords = arc.chords(limit).ok_or(SceneFileError::CurveError(limit / metres))?;
-            self.curve_error = self.curve_error.max(arc.error(chords));
-            outline.extend(arc.points(chords));
-        }
+        let outline = match (&shape.vertices, &shape.outline) {
+            (Some(vertices), None) => self.bulged(vertices, &name, limit)?,
+            (None, Some(outline)) => {
+                let drawn = outline.draw(metres, open);
+                let drawn = drawn.map_err(|error| SceneFileError::Drawing { shape: name.clone(), error })?;
+                self.curve_error = self.curve_error.max(drawn.error);
+                drawn.outline.vertices().to_vec()
+            }
+            _ => return Err(SceneFileError::WhichOutline { shape: name }),
+        };
         let identity = vec![Numbers([0.0; 3])];
         let poses = if shape.poses.is_empty() { &identity } else { &shape.poses };
         for (k, &Numbers([x, y, degrees])) in poses.iter().enumerate() {
@@ -152,67 +177,32 @@ impl SceneFile {
     }
 }
 
+impl SceneFile {
+    /// The outline with these vertices, its arcs as chords.
+    fn bulged(&mut self, vertices: &[Vec<f64>], name: &str, limit: f64) -> Result<Vec<Point2<f64>>, SceneFileError> {
+        let metres = self.unit.metres();
+        let corners = corners(vertices, name, metres)?;
+        let mut outline = Vec::new();
+        for (k, &(start, bulge)) in corners.iter().enumerate() {
+            let (end, _) = corners[(k + 1) % corners.len()];
+            let chords = BulgedEdge { start, end, bulge }.chords(limit);
+            let Chords { mut points, error } = chords.ok_or(SceneFileError::CurveError(limit / metres))?;
+            self.curve_error = self.curve_error.max(error);
+            points.pop();
+            outline.extend(points);
+        }
+        Ok(outline)
+    }
+}
+
 /// Vertices in metres, each with the bulge of the edge after it.
-fn corners(shape: &RawShape, name: &str, metres: f64) -> Result<Vec<(Point2<f64>, f64)>, SceneFileError> {
+fn corners(vertices: &[Vec<f64>], name: &str, metres: f64) -> Result<Vec<(Point2<f64>, f64)>, SceneFileError> {
     let corner = |(vertex, value): (usize, &Vec<f64>)| match value[..] {
         [x, y] => Ok((Point2::new(x, y) * metres, 0.0)),
         [x, y, bulge] if bulge.abs() <= 10.0 => Ok((Point2::new(x, y) * metres, bulge)),
         _ => Err(SceneFileError::Vertex { shape: name.to_owned(), vertex, value: value.clone() }),
     };
-    shape.vertices.iter().enumerate().map(corner).collect()
-}
-
-/// An edge that may be curved.
-struct Arc {
-    start: Point2<f64>,
-    end: Point2<f64>,
-    bulge: f64,
-}
-
-impl Arc {
-    /// Angle of the arc, counter-clockwise positive, rad.
-    fn angle(&self) -> f64 {
-        4.0 * self.bulge.atan()
-    }
-
-    fn radius(&self) -> f64 {
-        (self.end - self.start).norm() / (2.0 * (self.angle() / 2.0).sin().abs())
-    }
-
-    /// How many chords keep within an error of it; none if too many.
-    fn chords(&self, error: f64) -> Option<u32> {
-        if self.bulge == 0.0 {
-            return Some(1);
-        }
-        let half = (1.0 - error / self.radius()).clamp(-1.0, 1.0).acos();
-        let count = (self.angle().abs() / (2.0 * half)).ceil().max(1.0);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to be small and positive")]
-        let whole = (count <= CHORDS_MAX).then_some(count as u32);
-        whole
-    }
-
-    /// How far its chords are off, m.
-    fn error(&self, chords: u32) -> f64 {
-        if self.bulge == 0.0 { 0.0 } else { self.radius() * (1.0 - (self.angle() / f64::from(2 * chords)).cos()) }
-    }
-
-    /// The starts of its chords.
-    fn points(&self, chords: u32) -> Vec<Point2<f64>> {
-        let chord = self.end - self.start;
-        (0..chords)
-            .map(|k| {
-                if k == 0 {
-                    return self.start;
-                }
-                // The point seen from the start at half the angle still to go, to the right of the chord for a positive
-                // bulge.
-                let (turned, left) = (self.angle() * f64::from(k) / f64::from(chords) / 2.0, self.angle() / 2.0);
-                let reach = turned.sin() / left.sin();
-                let direction = nalgebra::Rotation2::new(-(left - turned)) * chord;
-                self.start + reach * direction
-            })
-            .collect()
-    }
+    vertices.iter().enumerate().map(corner).collect()
 }
 
 #[cfg(test)]

@@ -42,6 +42,7 @@ use serde::Deserialize;
 use toml::Value;
 
 use crate::part::{Numbers, Unit};
+use crate::shapes::{Opener, OutlineKeys, ShapeError, closed};
 
 /// A part that a person has described.
 #[derive(Clone, Debug)]
@@ -95,8 +96,11 @@ pub enum ViewFileError {
         error: ConeError,
     },
     /// Not exactly one outline.
-    #[error("give either `vertices` or `ellipse`")]
+    #[error("give one of `vertices`, `ellipse` and `outline`")]
     WhichOutline,
+    /// The file that draws the outline.
+    #[error("outline: {0}")]
+    Drawing(ShapeError),
     /// A radius that cannot be.
     #[error("rounding = {0:?} must be finite and not below 0, and needs `vertices`")]
     Rounding(f64),
@@ -192,6 +196,9 @@ struct PartKeys {
     vertices: Option<Vec<Numbers<2>>>,
     rounding: Option<f64>,
     ellipse: Option<EllipseKeys>,
+    outline: Option<OutlineKeys>,
+    outline_sigma: Option<Value>,
+    centre_of_mass_sigma: Option<Value>,
     mu: Option<Value>,
     mu_c: Option<Value>,
     feet: Option<Value>,
@@ -266,11 +273,23 @@ impl NamedPart {
     /// # Errors
     /// [`ViewFileError`] names the first thing found wrong.
     pub fn parse(name: &str, text: &str, hull: bool) -> Result<Self, ViewFileError> {
+        Self::parse_beside(name, text, hull, &closed)
+    }
+
+    /// The same of a file that may name another, which is opened as it says.
+    ///
+    /// # Errors
+    /// [`ViewFileError`] names the first thing found wrong.
+    pub fn parse_beside(name: &str, text: &str, hull: bool, open: Opener<'_>) -> Result<Self, ViewFileError> {
         let keys: PartKeys = toml::from_str(text).map_err(|error| ViewFileError::Toml(error.to_string()))?;
         let metres = keys.unit.metres();
-        let (outline, shape) = match (&keys.vertices, keys.ellipse) {
-            (Some(vertices), None) => polygon(vertices, metres, keys.rounding, hull)?,
-            (None, Some(ellipse)) => ellipse.outline(metres, keys.rounding)?,
+        let drawn = keys.outline.as_ref().map(|outline| outline.draw(metres, open)).transpose();
+        let drawn = drawn.map_err(ViewFileError::Drawing)?;
+        let mass = drawn.as_ref().and_then(|drawn| drawn.solid.as_ref()).map(|solid| solid.mass.centre_of_mass);
+        let (outline, shape) = match (&keys.vertices, keys.ellipse, drawn) {
+            (Some(vertices), None, None) => polygon(vertices, metres, keys.rounding, hull)?,
+            (None, Some(ellipse), None) => ellipse.outline(metres, keys.rounding)?,
+            (None, None, Some(drawn)) => bounded(drawn.outline, metres, keys.rounding, hull)?,
             _ => return Err(ViewFileError::WhichOutline),
         };
         let convex = match &shape {
@@ -281,7 +300,7 @@ impl NamedPart {
             Some(Numbers(value)) if !value.iter().all(|x| x.is_finite()) => {
                 return Err(ViewFileError::CentreOfMass { value });
             }
-            given => given.map(|Numbers(value)| Point2::from(value) * metres),
+            given => given.map(|Numbers(value)| Point2::from(value) * metres).or(mass),
         };
         Ok(Self { name: name.to_owned(), outline, shape, convex, centre_of_mass })
     }
@@ -320,7 +339,16 @@ fn polygon(
     hull: bool,
 ) -> Result<(SimplePolygon, Outline), ViewFileError> {
     let vertices: Vec<_> = vertices.iter().map(|vertex| Point2::from(vertex.0) * metres).collect();
-    let outline = SimplePolygon::new(vertices).map_err(ViewFileError::Outline)?;
+    bounded(SimplePolygon::new(vertices).map_err(ViewFileError::Outline)?, metres, rounding, hull)
+}
+
+/// An outline, and the convex part that it bounds.
+fn bounded(
+    outline: SimplePolygon,
+    metres: f64,
+    rounding: Option<f64>,
+    hull: bool,
+) -> Result<(SimplePolygon, Outline), ViewFileError> {
     let polygon = if hull {
         ConvexPolygon::hull(&outline)
     } else {
@@ -637,9 +665,12 @@ mod tests {
             assert!(message.contains(wanted), "wanted {wanted}, got {message}");
         }
         let parts = [
-            ("ellipse = {a = 40, b = 25}\nvertices = [[0, 0], [10, 0], [0, 10]]", "either `vertices` or `ellipse`"),
+            (
+                "ellipse = {a = 40, b = 25}\nvertices = [[0, 0], [10, 0], [0, 10]]",
+                "give one of `vertices`, `ellipse` and `outline`",
+            ),
             ("vertices = [[0, 0], [10, 0, 1], [0, 10]]", "expected 2 numbers, not [10.0, 0.0, 1.0]"),
-            ("mu = 0.3", "either `vertices` or `ellipse`"),
+            ("mu = 0.3", "give one of `vertices`, `ellipse` and `outline`"),
             ("ellipse = {a = 40, b = 0}", "must be finite and above 0"),
             ("ellipse = {a = 40, b = 25}\nrounding = 2", "needs `vertices`"),
             ("rounding = -2\nvertices = [[0, 0], [10, 0], [0, 10]]", "rounding = -2.0"),

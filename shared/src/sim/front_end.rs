@@ -13,6 +13,7 @@ use super::carried::{Carriage, CarriedBeam};
 use super::load::{Load, Loading, RAMP_US, Script};
 use super::noise::{Source, Stream, minus_ln_of_rest};
 use super::thermal::{Thermal, ThermalConfig};
+use crate::front_ends::SlowCircuit;
 
 /// What a saturated channel sees, in volts: past full scale at every gain.
 const SATURATING_V: f32 = 2.4;
@@ -20,14 +21,8 @@ const SATURATING_V: f32 = 2.4;
 /// Conversions between two looks at the temperature, less one: it moves by 0.2 mK a second at most.
 const THERMAL_EVERY: u32 = 0xFF;
 
-/// Part of the excitation that channel 2 gets.
-const EXCITATION_PART: f32 = 0.4;
-/// Resistor in series with the NTC, in Ω.
-const NTC_SERIES_OHM: f32 = 39_000.0;
-/// The NTC at 25 °C, in Ω.
-const NTC_OHM: f32 = 10_000.0;
-/// Its B value, in K.
-const NTC_B_K: f32 = 3950.0;
+/// What channels 2 and 3 are wired to.
+const SLOW: SlowCircuit = crate::front_ends::SLOW_CIRCUIT;
 
 /// Everything that describes a simulated finger. The default is the project's default finger.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -215,6 +210,8 @@ pub struct SimulatedFrontEnd {
     excitation_v: f32,
     /// Voltage on channel 3 as part of the excitation, by the NTC at the present temperature.
     ntc_part: f32,
+    /// Levels of the board's digital inputs.
+    inputs: u8,
     /// Offset that the bridges have gained by a fault, as strain.
     drifted: f32,
     sync_pin: SyncPin,
@@ -244,6 +241,7 @@ impl SimulatedFrontEnd {
             channels: config.channels,
             excitation_v: config.bridges.excitation_v,
             ntc_part: ntc_part(thermal.at(0)),
+            inputs: 0,
             drifted: 0.0,
             sync_pin: SyncPin::High,
             time_ns: 0,
@@ -268,6 +266,17 @@ impl SimulatedFrontEnd {
     /// Gives the converter another clock than its nominal one, in hertz.
     pub fn set_clock_hz(&mut self, hz: u32) {
         self.chip.set_clock_hz(hz);
+    }
+
+    /// Sets the levels of the board's eight digital inputs, a bit for each.
+    pub fn set_inputs(&mut self, levels: u8) {
+        self.inputs = levels;
+    }
+
+    /// The levels of the board's digital inputs.
+    #[must_use]
+    pub fn inputs(&self) -> u8 {
+        self.inputs
     }
 
     /// What is broken from now on.
@@ -444,7 +453,7 @@ impl SimulatedFrontEnd {
     /// What channels 2 and 3 have: parts of the excitation.
     fn slow_volts(&self) -> [f32; 2] {
         let excitation_v = self.excitation_v * (1.0 + self.faults.excitation_change);
-        [EXCITATION_PART, self.ntc_part].map(|part| part * excitation_v)
+        [SLOW.excitation_part, self.ntc_part].map(|part| part * excitation_v)
     }
 
     /// What the chip's pins have, given what sound bridges would have.
@@ -463,8 +472,8 @@ impl SimulatedFrontEnd {
 
 /// Part of the excitation that an NTC of 10 kΩ (B = 3950 K) below 39 kΩ leaves at a temperature in °C, by the B equation.
 fn ntc_part(temperature_c: f32) -> f32 {
-    let ohm = NTC_OHM * libm::expf(NTC_B_K * (1.0 / (temperature_c + 273.15) - 1.0 / 298.15));
-    ohm / (ohm + NTC_SERIES_OHM)
+    let ohm = SLOW.ntc_ohm * libm::expf(SLOW.ntc_b_k * (1.0 / (temperature_c + 273.15) - 1.0 / 298.15));
+    ohm / (ohm + SLOW.series_ohm)
 }
 
 /// Nanoseconds as seconds, s.

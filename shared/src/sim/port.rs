@@ -63,6 +63,12 @@ impl<'a> SpiPort<'a> {
     pub const fn new(front_end: &'a RefCell<SimulatedFrontEnd>) -> Self {
         Self(front_end)
     }
+
+    /// Levels of the board's digital inputs; all low while the front-end is borrowed elsewhere.
+    #[must_use]
+    pub fn inputs(&self) -> u8 {
+        self.0.try_borrow().map_or(0, |front_end| front_end.inputs())
+    }
 }
 
 impl spi::ErrorType for SpiPort<'_> {

@@ -22,6 +22,9 @@ const BLOCK: u32 = 1;
 const EVENT: u32 = 2;
 const REPLY: u32 = 3;
 const TEMPERATURE: u32 = 4;
+const SLOW_CHANNELS: u32 = 5;
+const INPUTS: u32 = 6;
+const FORCE: u32 = 7;
 
 /// The number of [`super::Outcome::Hello`].
 const HELLO_OUTCOME: u32 = 1;
@@ -84,7 +87,7 @@ impl NewerMessage {
                 let hello = (outcome == HELLO_OUTCOME).then(|| take(rest)).flatten();
                 Some(Self::Reply { id, device: hello.map(|(device, _)| device) })
             }
-            BLOCK | TEMPERATURE => None,
+            BLOCK | TEMPERATURE | SLOW_CHANNELS | INPUTS | FORCE => None,
             _ => Some(Self::Kind { variant }),
         }
     }

@@ -128,6 +128,13 @@ fn a_person_calibrates_and_then_sees_where_the_finger_is_touched() {
     // Tared free and then pressed.
     device.order("release");
     device.order("wait 1");
+    // The device computes the same forces, to the bit.
+    let with_forces = ["monitor", "--device-force", "--json", "--seconds", "0.5", "--tare", "0.5"];
+    let forces = run(&[&with_forces[..], &["-d", &device.path, "-c", calibration]].concat());
+    let said = text(&forces.stderr);
+    assert!(forces.status.success() && said.contains(" 0 different, 0 without samples"), "{said}");
+    let is_force = |line: &&str| line.contains("\"device_force\"") && line.contains("\"agrees\":true");
+    assert!(text(&forces.stdout).lines().filter(is_force).count() > 100, "{}", text(&forces.stdout));
     let mut monitor = palpate(&["monitor", "--json", "--print-hz", "0", "--tare", "0.5", "--mu-c", "0.2"])
         .args(["-d", &device.path, "-c", calibration])
         .stdout(Stdio::piped())

@@ -19,10 +19,10 @@ fn help(words: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// The commands that the tool lists.
+/// The commands that the tool lists, under whichever heading.
 fn commands() -> Vec<String> {
     let text = help(&["--help"]);
-    let listed = text.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    let listed = text.lines().skip_while(|line| !line.starts_with("Usage: ")).take_while(|line| *line != "Options:");
     let rows = listed.filter_map(|line| line.strip_prefix("  ").filter(|row| !row.starts_with(' ')));
     rows.filter_map(|row| row.split_whitespace().next()).map(str::to_owned).collect()
 }

@@ -4,11 +4,17 @@
 
 #![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not their helpers")]
 
+#[cfg(all(unix, feature = "web"))]
+mod browser;
 mod carried;
 mod chain;
 mod contact;
 #[cfg(unix)]
 mod devices;
+#[cfg(unix)]
+mod exported;
+#[cfg(all(unix, feature = "foxglove"))]
+mod foxglove;
 mod friction;
 mod gho;
 mod help;
@@ -20,7 +26,12 @@ mod observability;
 mod observe;
 mod observe_follow;
 mod observe_path;
+mod observe_slow;
 mod pages;
+mod part;
+mod passing;
+#[cfg(unix)]
+mod progress;
 mod push;
 mod real;
 mod recording;
@@ -28,11 +39,14 @@ mod robot;
 mod sample;
 #[cfg(unix)]
 mod screen;
+#[cfg(all(unix, feature = "web"))]
+mod serve;
 mod shaken_palm;
 mod solve;
 mod solving;
 mod support_friction;
 mod touch;
+mod tutorial;
 mod warnings;
 mod width;
 

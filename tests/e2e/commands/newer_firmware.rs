@@ -275,7 +275,9 @@ fn refusals() -> impl Strategy<Value = Refusal> {
                 Refusal::FrontEndSilent,
                 Refusal::Busy,
                 Refusal::NotOnThisBoard,
-                Refusal::Streaming
+                Refusal::Streaming,
+                Refusal::MatrixDamaged,
+                Refusal::NoForceMatrix
             ][..]
         ),
     ]
@@ -358,7 +360,13 @@ fn told_of(message: &FromDevice) -> NewerMessage {
         FromDevice::Hello(hello) => NewerMessage::Hello { device: hello.protocol },
         FromDevice::Event(_) => NewerMessage::Event,
         FromDevice::Reply(Reply { id, .. }) => NewerMessage::Reply { id: *id, device: None },
-        FromDevice::Block(_) | FromDevice::Temperature(_) => panic!("nothing within is numbered"),
+        FromDevice::Block(_)
+        | FromDevice::Temperature(_)
+        | FromDevice::SlowChannels(_)
+        | FromDevice::Inputs(_)
+        | FromDevice::Force(_) => {
+            panic!("nothing within is numbered")
+        }
     }
 }
 

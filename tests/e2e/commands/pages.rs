@@ -10,6 +10,7 @@ fn pages() -> Vec<(PathBuf, String)> {
     let folders = [
         ".",
         "docs",
+        "docs/tutorial",
         "calibration",
         "firmware/board",
         "firmware/core",

@@ -157,3 +157,90 @@ fn the_example_part_can_be_pushed_at_every_edge() {
         assert!(printed(&output).contains("ended after"), "{}", printed(&output));
     }
 }
+
+/// A push that is slow enough not to swing: 20 mm straight on, and around.
+#[test]
+fn a_slow_push_through_the_middle_is_a_straight_line_in_the_table() {
+    let (_folder, output) = push(&["--quasi-static", "--edge", "0", "--rows", "2", "--distance-mm", "30"]);
+    assert_eq!(output.status.code(), Some(0), "{}", complaint(&output));
+    let table = printed(&output);
+    let last: Vec<&str> = table.lines().nth(4).unwrap().split_whitespace().collect();
+    // The finger bears the friction of the plane, and no more.
+    assert_eq!(
+        last,
+        ["30.000", "30.00", "50.00", "0.00", "edge", "0", "0.000", "0.3000", "0.0000", "sticks"],
+        "{table}"
+    );
+    assert!(table.ends_with("ended after 30.000 mm: the way was over\n"), "{table}");
+    assert!(table.lines().all(|line| line.chars().count() <= 80), "{table}");
+}
+
+#[test]
+fn json_of_a_slow_push_is_what_solve_answers_to_the_same_problem() {
+    let arguments = ["--quasi-static", "--edge", "0", "--s-mm", "12", "--direction-deg", "20", "--rows", "3", "--json"];
+    let more = ["--radius-mm", "5", "--mu-c-static", "0.3", "--height-mm", "4"];
+    let (folder, output) = push(&[&arguments[..], &more].concat());
+    let pushed: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let at = |k: f64| {
+        let (sin, cos) = 20_f64.to_radians().sin_cos();
+        format!("[{:?}, {:?}]", 0.042 - sin * 0.02 * k / 3.0, -0.005 + cos * 0.02 * k / 3.0)
+    };
+    let problem = format!(
+        r#"{{"problem": "push", "mode": "quasi_static", "polygon": [[0, 0], [0.06, 0], [0.06, 0.04], [0, 0.04]], "mu": 0.3,
+        "g": 9.80665, "mu_c": 0.25, "mu_c_static": 0.3, "height": 0.004, "initial": {{"pose": [0, 0, 0]}},
+        "finger": {{"radius": 0.005, "path": [{}, {}, {}, {}]}}}}"#,
+        at(0.0),
+        at(1.0),
+        at(2.0),
+        at(3.0)
+    );
+    let gravity = palpate::gravity::GRAVITY_ASSUMED;
+    let problem = problem.replace("9.80665", &format!("{gravity:?}"));
+    fs::write(folder.path().join("problem.jsonl"), problem.replace('\n', " ")).unwrap();
+    let solved = palpate(folder.path(), &["solve", "problem.jsonl"]);
+    let solved: serde_json::Value = serde_json::from_slice(&solved.stdout).unwrap();
+    let (got, wanted) = (numbers(&pushed["samples"]), numbers(&solved["samples"]));
+    assert_eq!((got.len(), got.len() > 20), (wanted.len(), true), "{pushed} {solved}");
+    let worst = got.iter().zip(&wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(worst < 1e-9, "{worst:e}: {pushed} {solved}");
+}
+
+#[test]
+fn a_slow_push_along_a_path_goes_round_a_corner_and_is_drawn() {
+    let (folder, _) = push(&["--edge", "0", "--speed-mm-s", "50"]);
+    // Past the right lower corner, which it turns away, and on.
+    let places = "t,x [mm],y [mm]\n0,55,-20\n1,55,-6\n2,52,10\n3,66,30\n";
+    fs::write(folder.path().join("path.csv"), places).unwrap();
+    let path = ["push", "block.toml", "--quasi-static", "--path", "path.csv", "--radius-mm", "6"];
+    let more = ["--pose", "0,0,0", "--rows", "5", "--plot", "path.svg"];
+    let output = palpate(folder.path(), &[&path[..], &more].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", complaint(&output));
+    let table = printed(&output);
+    assert!(table.contains("14.000 mm: the contact slides from here on") && table.contains("free"), "{table}");
+    let picture = fs::read_to_string(folder.path().join("path.svg")).unwrap();
+    for words in ["Pushing block.toml slowly along a path", "turned [°]", "force on the part", "way [mm]"] {
+        assert!(picture.contains(&format!("aria-label=\"{words}\"")), "{words}");
+    }
+    // As few straight pieces as stay within 20 mm of it are one or two.
+    let coarse = palpate(folder.path(), &[&path[..], &["--within-mm", "20", "--rows", "5"]].concat());
+    assert_ne!(printed(&coarse), table);
+}
+
+#[test]
+fn mistakes_about_slow_pushes_have_their_messages() {
+    let mistakes: [(&[&str], i32, &str); 7] = [
+        (&["--quasi-static"], 1, "where to push at block.toml is not said"),
+        (&["--quasi-static", "--edge", "0", "--speed-mm-s", "5"], 64, "--speed-mm-s"),
+        (&["--edge", "0", "--distance-mm", "5"], 64, "--quasi-static"),
+        (&["--quasi-static", "--edge", "0", "--direction-deg", "120"], 1, "away from it"),
+        (&["--quasi-static", "--edge", "0", "--mu-c-static", "0.1"], 1, "less than the friction of sliding, 0.25"),
+        (&["--quasi-static", "--edge", "0", "--finger", "ellipse"], 1, "slow pushes are by a disk"),
+        (&["--quasi-static", "--path", "none.csv", "--pose", "1,2"], 64, "two lengths and an angle"),
+    ];
+    for (arguments, status, wanted) in mistakes {
+        let (_folder, output) = push(arguments);
+        let complaint = complaint(&output);
+        assert_eq!(output.status.code(), Some(status), "{arguments:?}: {complaint}");
+        assert!(complaint.contains(wanted), "{arguments:?}: wanted {wanted}, got {complaint}");
+    }
+}

@@ -21,7 +21,7 @@ const ENTERED: &str = "\u{1b}[?1049h";
 const LEFT: &str = "\u{1b}[?1049l";
 
 /// A terminal of 80 columns and 24 rows with a program on it.
-struct Terminal {
+pub(crate) struct Terminal {
     child: Child,
     keyboard: File,
     screen: Receiver<Vec<u8>>,
@@ -33,7 +33,7 @@ struct Terminal {
 }
 
 impl Terminal {
-    fn run(folder: &Path, arguments: &[&str]) -> Self {
+    pub(crate) fn run(folder: &Path, arguments: &[&str]) -> Self {
         let keyboard = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
         grantpt(&keyboard).unwrap();
         unlockpt(&keyboard).unwrap();
@@ -82,6 +82,26 @@ impl Terminal {
             let left = deadline.saturating_duration_since(Instant::now());
             assert!(!left.is_zero() && self.take(left), "{words:?} are not shown:\n{}", self.window.text());
         }
+    }
+
+    /// Waits until this was written.
+    pub(crate) fn wait_until_seen(&mut self, words: &str) {
+        let deadline = Instant::now() + PATIENCE;
+        while !self.seen.contains(words) {
+            let left = deadline.saturating_duration_since(Instant::now());
+            assert!(!left.is_zero() && self.take(left), "{words} is not shown:\n{}", self.seen);
+        }
+    }
+
+    /// All that was written.
+    pub(crate) fn seen(&self) -> &str {
+        &self.seen
+    }
+
+    /// Ends the program at once.
+    pub(crate) fn kill(&mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
     }
 
     /// Whether the terminal echoes what is typed and hands it on by lines, as it does for a shell.

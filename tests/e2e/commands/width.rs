@@ -56,12 +56,12 @@ fn turns_of_a_part_in_a_corner_are_half_a_turn_at_most() {
     assert!(turns.iter().any(|turn| *turn < 0.0), "{said}");
 }
 
-/// Tables take minutes: rows are named as they are done.
+/// How far a table is shows on terminals; whoever wants it in a pipe says so.
 #[test]
-fn a_table_tells_of_its_rows_on_standard_error_and_not_if_it_is_to_be_quiet() {
-    let told = text(&palpate(&["tables", "2.1", "--cases", "3"], "").stderr);
-    assert!(told.starts_with("table 2.1: 3 cases a row") && told.contains("\n  row 1, "), "{told}");
-    assert_eq!(text(&palpate(&["tables", "2.1", "--cases", "3", "-q"], "").stderr), "");
+fn a_table_tells_of_its_rows_in_a_pipe_only_if_it_is_asked() {
+    let told = |more: &[&str]| text(&palpate(&[&["tables", "2.1", "--cases", "3"], more].concat(), "").stderr);
+    assert_eq!((told(&[]), told(&["-q"])), (String::new(), String::new()));
+    assert!(told(&["-v"]).contains("info: row 1: "), "{}", told(&["-v"]));
 }
 
 /// One line in a stream that nobody can use is named, and the others are answered.

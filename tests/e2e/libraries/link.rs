@@ -409,3 +409,21 @@ fn a_port_that_is_not_there_is_named_with_those_that_are() {
     let error = Session::open(&address, SessionOptions::default()).map(drop).unwrap_err();
     assert!(matches!(&error, LinkError::NoSuchPort { path, .. } if path.ends_with("no-such-port")), "{error:?}");
 }
+
+#[test]
+fn digital_inputs_arrive_on_the_time_line_of_the_samples() {
+    let device = rig::device(11, Line::Pipe);
+    let mut session = rig::session(&device);
+    device.set_inputs(0x80).unwrap();
+    session.start().unwrap();
+    let inputs = |incoming| if let Incoming::Inputs(inputs) = incoming { Some(inputs) } else { None };
+    let first = rig::wait_for(&mut session, inputs);
+    assert_eq!((first.levels, first.changes), (0x80, 0));
+    rig::samples(&mut session, 2000);
+    let moment = device.set_inputs(0x81).unwrap();
+    let second = rig::wait_for(&mut session, inputs);
+    assert_eq!((second.levels, second.changes), (0x81, 1));
+    // The sample after the order saw it; the device's clock counts its conversions of 250 µs.
+    assert_eq!(second.time_us, (moment.conversion + 1) * 250);
+    assert_eq!(session.inputs(), Some(second));
+}

@@ -7,6 +7,7 @@ mod carried_finger;
 mod documented;
 mod estimating;
 mod force_recordings;
+mod four_channels;
 mod friction;
 mod fuzz;
 mod inscription;

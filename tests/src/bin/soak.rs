@@ -87,7 +87,12 @@ impl Seen {
             }
             Incoming::Restarted(_) => self.restarted += 1,
             Incoming::Silent { .. } => self.silences += 1,
-            Incoming::Event(_) | Incoming::Temperature(_) | Incoming::Disconnected { .. } => {}
+            Incoming::Event(_)
+            | Incoming::Temperature(_)
+            | Incoming::SlowChannels(_)
+            | Incoming::Inputs(_)
+            | Incoming::Force(_)
+            | Incoming::Disconnected { .. } => {}
         }
     }
 }

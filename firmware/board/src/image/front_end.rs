@@ -1,19 +1,29 @@
 //! What is behind the sampler's bus: the chip on SPI1, or the simulated finger that a host asked for.
 //!
 //! SPI1 runs in mode 1 at an eighth of its bus clock: 10.5 MHz, or 2 MHz on the bare internal oscillator; a frame of
-//! 12 bytes takes 9 µs. Transfers are polled with a bound, so a bus that does not answer costs time and nothing else.
+//! 12 bytes takes 9 µs, one of 18 bytes 14 µs. Transfers are polled with a bound, so a bus that does not answer costs time and nothing else.
 
 use core::cell::RefCell;
 use core::f32::consts::TAU;
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
+use palpate_firmware_core::ads131m::Ads131m;
 use palpate_firmware_core::{SelectSource, SourceNotPossible};
-use palpate_shared::sim::{ContactLoad, FingerConfig, Load, SimulatedFrontEnd, SpiPort};
-use palpate_shared::wire::Source;
-use stm32f4::stm32f405::{GPIOA, SPI1};
+use palpate_shared::sim::{Channels, ContactLoad, FingerConfig, Load, SimulatedFrontEnd, SpiPort};
+use palpate_shared::wire::{FrontEndKind, Source};
+use stm32f4::stm32f405::{GPIOA, GPIOB, SPI1};
 
 use super::meter;
+
+/// The converter's driver. The simulated finger has the same converter.
+pub(super) type Chip = Ads131m<Bus, CHANNELS>;
+
+/// How many channels the converter and its simulation have.
+const CHANNELS: usize = match super::FRONT_END {
+    FrontEndKind::Ads131m02 => 2,
+    FrontEndKind::Ads131m04 => 4,
+};
 
 /// How often the bus is looked at for one byte, which takes 128 cycles: ten times as long.
 const BYTE_POLLS: u32 = 400;
@@ -32,6 +42,9 @@ const FREE_US: u32 = 3_000_000;
 
 /// Then a contact travels round the disk once, in this time, in µs; and so on.
 const ROUND_US: u32 = 8_000_000;
+
+/// The simulated finger's digital inputs while a contact travels: input 0, as of a light barrier, is high.
+const TOUCHED: u8 = 1;
 
 /// Nanoseconds in a microsecond.
 const NS_PER_US: u32 = 1000;
@@ -113,7 +126,8 @@ fn delay(duration_ns: u32) {
 
 /// The simulated finger. It is large: it belongs into a variable that is there for good, not onto the stack.
 pub(super) fn simulation() -> RefCell<SimulatedFrontEnd> {
-    RefCell::new(SimulatedFrontEnd::new(FingerConfig::default(), SEED))
+    let channels = if CHANNELS == 4 { Channels::Four } else { Channels::Two };
+    RefCell::new(SimulatedFrontEnd::new(FingerConfig { channels, ..FingerConfig::default() }, SEED))
 }
 
 /// What the simulated finger goes through, again and again.
@@ -128,6 +142,8 @@ enum Doing {
 /// The bus, with what a host selected behind it.
 pub(super) struct Bus {
     chip: ChipBus,
+    /// The port whose upper eight pins are the digital inputs.
+    inputs: GPIOB,
     simulation: &'static mut RefCell<SimulatedFrontEnd>,
     is_simulated: bool,
     /// What the simulated finger does now, and for how long still, in µs.
@@ -136,8 +152,12 @@ pub(super) struct Bus {
 
 impl Bus {
     /// The chip's, with a simulated finger at hand.
-    pub(super) fn new(spi: SPI1, port: GPIOA, simulation: &'static mut RefCell<SimulatedFrontEnd>) -> Self {
-        Self { chip: ChipBus::new(spi, port), simulation, is_simulated: false, doing: (Doing::Free, FREE_US) }
+    pub(super) fn new(
+        spi: SPI1,
+        (port, inputs): (GPIOA, GPIOB),
+        simulation: &'static mut RefCell<SimulatedFrontEnd>,
+    ) -> Self {
+        Self { chip: ChipBus::new(spi, port), inputs, simulation, is_simulated: false, doing: (Doing::Free, FREE_US) }
     }
 
     /// Lets one simulated conversion happen; tells whether data are ready.
@@ -154,10 +174,12 @@ impl Bus {
             (Some(left_us), _) => (doing, left_us),
             (None, Doing::Free) => {
                 let from = ContactLoad::frictionless(0.0, FORCE_N);
+                simulation.set_inputs(TOUCHED);
                 simulation.set_load(Load::Sweep { from, to_angle: TAU, duration_us: ROUND_US });
                 (Doing::Round, ROUND_US)
             }
             (None, Doing::Round) => {
+                simulation.set_inputs(0);
                 simulation.set_load(Load::Released);
                 (Doing::Free, FREE_US)
             }
@@ -205,5 +227,14 @@ impl SelectSource for Bus {
 
     fn is_simulated(&self) -> bool {
         self.is_simulated
+    }
+
+    fn inputs(&self) -> u8 {
+        if self.is_simulated {
+            self.simulation.borrow().inputs()
+        } else {
+            let [_, upper, ..] = self.inputs.idr().read().bits().to_le_bytes();
+            upper
+        }
     }
 }

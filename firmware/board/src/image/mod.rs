@@ -38,11 +38,11 @@ use palpate_firmware_core::device::Order;
 use palpate_firmware_core::{ConverterClock, Device, DeviceSettings, Identity, Link, Queues, Sampler};
 use palpate_firmware_usb::unit::{self as usb, Usb};
 use palpate_shared::sim::SimulatedFrontEnd;
-use palpate_shared::wire::{Axis, Bridge, Channel, ClockSource, Health, Source};
+use palpate_shared::wire::{Axis, Bridge, Channel, ClockSource, FrontEndKind, Health, Source};
 use stm32f4::stm32f405::Peripherals;
 
 use fault::Watchdog;
-use front_end::Bus;
+use front_end::{Bus, Chip};
 use line::Line;
 use machine::Machine;
 use sampling::Sampling;
@@ -61,6 +61,16 @@ const CONVERTER_CLOCK: ConverterClock = match option_env!("PALPATE_CONVERTER_CLO
     Some(digits) => match u32::from_str_radix(digits, 10) {
         Ok(hz) => ConverterClock::from_hz(hz).expect("PALPATE_CONVERTER_CLOCK_HZ is not within 7782400 to 8400000"),
         Err(_) => panic!("PALPATE_CONVERTER_CLOCK_HZ is not a whole number of hertz"),
+    },
+};
+
+/// The converter: what `PALPATE_FRONT_END` said when the image was built, by the name that its row of the table has, or
+/// the ADS131M02.
+const FRONT_END: FrontEndKind = match option_env!("PALPATE_FRONT_END") {
+    None => FrontEndKind::Ads131m02,
+    Some(name) => match FrontEndKind::named(name) {
+        Some(kind) => kind,
+        None => panic!("PALPATE_FRONT_END is none of ADS131M02 and ADS131M04"),
     },
 };
 
@@ -84,7 +94,7 @@ fn main() -> ! {
     let before = fault::begin(&board.RCC);
     let machine = Machine::detect(&board.DBGMCU);
     let clock = machine.clock(clock::start(&board.RCC, &board.FLASH, &board.TIM11), &core.SYST);
-    pins::set_up(&board.RCC, &board.GPIOA, &board.GPIOC, &board.SYSCFG, &board.EXTI);
+    pins::set_up(&board.RCC, (&board.GPIOA, &board.GPIOB, &board.GPIOC), &board.SYSCFG, &board.EXTI);
     time::start(&mut core.SYST, &mut core.SCB, clock.core_hz);
     let watchdog = Watchdog::start(board.IWDG, &board.DBGMCU);
     let registers = (board.OTG_FS_GLOBAL, board.OTG_FS_DEVICE, board.OTG_FS_PWRCLK);
@@ -98,6 +108,7 @@ fn main() -> ! {
         restart: before.reason,
         restarts: before.restarts,
         source: Source::Hardware,
+        front_end: FRONT_END,
         converter_clock: CONVERTER_CLOCK,
         excitation_mv: EXCITATION_MV,
         channels: CHANNELS,
@@ -106,8 +117,8 @@ fn main() -> ! {
 
     let (sampler_end, device_end) = QUEUES.split();
     let simulation = settle(SIMULATION, front_end::simulation);
-    let bus = Bus::new(board.SPI1, board.GPIOA, simulation);
-    let sampler = Sampler::new(bus, sampler_end, DeviceSettings::at_start(clock.link_baud, CONVERTER_CLOCK));
+    let bus = Bus::new(board.SPI1, (board.GPIOA, board.GPIOB), simulation);
+    let sampler = Sampler::new(Chip::new(bus), sampler_end, DeviceSettings::at_start(clock.link_baud, CONVERTER_CLOCK));
     sampling::start(SAMPLING.write(Sampling::new(sampler, board.EXTI)), &mut core.NVIC);
     let line = line::start(board.USART1, clock.line_divider(), (RECEIVED, TO_SEND), &mut core.NVIC);
     let device = settle(DEVICE, || Device::new(identity, device_end));

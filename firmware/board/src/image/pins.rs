@@ -2,12 +2,13 @@
 //!
 //! | pin | function | goes to |
 //! |---|---|---|
-//! | PA4 | output | ADS131M02 CS |
-//! | PA5 | SPI1 SCK (AF5) | ADS131M02 SCLK |
-//! | PA6 | SPI1 MISO (AF5) | ADS131M02 DOUT |
-//! | PA7 | SPI1 MOSI (AF5) | ADS131M02 DIN |
-//! | PC3 | input with pull-up, EXTI3 | ADS131M02 DRDY |
-//! | PC5 | output, high | ADS131M02 SYNC/RESET |
+//! | PA4 | output | converter CS |
+//! | PA5 | SPI1 SCK (AF5) | converter SCLK |
+//! | PA6 | SPI1 MISO (AF5) | converter DOUT |
+//! | PA7 | SPI1 MOSI (AF5) | converter DIN |
+//! | PC3 | input with pull-up, EXTI3 | converter DRDY |
+//! | PC5 | output, high | converter SYNC/RESET |
+//! | PB8 to PB15 | inputs with pull-up | digital inputs 0 to 7 |
 //! | PA9 | USART1 TX (AF7) | RX of the serial adapter |
 //! | PA10 | USART1 RX with pull-up (AF7) | TX of the serial adapter |
 //! | PA11 | USB D− (AF10) | the board's USB socket |
@@ -18,14 +19,14 @@
 //!
 //! Source: STM32F405 datasheet (DocID022152), table 9; Olimex STM32-H405 schematic.
 
-use stm32f4::stm32f405::{EXTI, GPIOA, GPIOC, RCC, SYSCFG};
+use stm32f4::stm32f405::{EXTI, GPIOA, GPIOB, GPIOC, RCC, SYSCFG};
 
 /// `SYSCFG_EXTICR1`'s code for port C.
 const PORT_C: u8 = 2;
 
 /// Gives every pin its function, and EXTI3 the falling edge of DRDY.
-pub(super) fn set_up(rcc: &RCC, a: &GPIOA, c: &GPIOC, routing: &SYSCFG, edges: &EXTI) {
-    rcc.ahb1enr().modify(|_, w| w.gpioaen().set_bit().gpiocen().set_bit());
+pub(super) fn set_up(rcc: &RCC, (a, b, c): (&GPIOA, &GPIOB, &GPIOC), routing: &SYSCFG, edges: &EXTI) {
+    rcc.ahb1enr().modify(|_, w| w.gpioaen().set_bit().gpioben().set_bit().gpiocen().set_bit());
     rcc.apb2enr().modify(|_, w| w.spi1en().set_bit().usart1en().set_bit().syscfgen().set_bit());
 
     // High before they become outputs: chip not selected, not in reset.
@@ -40,6 +41,11 @@ pub(super) fn set_up(rcc: &RCC, a: &GPIOA, c: &GPIOC, routing: &SYSCFG, edges: &
         w.moder4().output();
         w.moder5().alternate().moder6().alternate().moder7().alternate();
         w.moder9().alternate().moder10().alternate().moder11().alternate().moder12().alternate()
+    });
+    // Inputs after a reset.
+    b.pupdr().modify(|_, w| {
+        w.pupdr8().pull_up().pupdr9().pull_up().pupdr10().pull_up().pupdr11().pull_up();
+        w.pupdr12().pull_up().pupdr13().pull_up().pupdr14().pull_up().pupdr15().pull_up()
     });
     c.pupdr().modify(|_, w| w.pupdr3().pull_up());
     c.moder().modify(|_, w| w.moder3().input().moder5().output().moder12().output());

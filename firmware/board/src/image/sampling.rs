@@ -6,7 +6,7 @@ use palpate_firmware_core::{Sampler, SelectSource as _};
 use palpate_shared::units::DeviceTime;
 use stm32f4::stm32f405::{EXTI, Interrupt, interrupt};
 
-use super::front_end::Bus;
+use super::front_end::Chip;
 use super::handover::Handover;
 use super::meter;
 use super::time::{self, TICK_US};
@@ -16,7 +16,7 @@ const PRIORITY: u8 = 0x20;
 
 /// What the interrupt owns.
 pub(super) struct Sampling {
-    sampler: Sampler<'static, Bus>,
+    sampler: Sampler<'static, Chip>,
     edges: EXTI,
 }
 
@@ -35,7 +35,7 @@ pub(super) fn start(sampling: &'static mut Sampling, interrupts: &mut NVIC) {
 
 impl Sampling {
     /// Of a sampler and the unit that sees DRDY's edges.
-    pub(super) fn new(sampler: Sampler<'static, Bus>, edges: EXTI) -> Self {
+    pub(super) fn new(sampler: Sampler<'static, Chip>, edges: EXTI) -> Self {
         Self { sampler, edges }
     }
 
@@ -46,7 +46,7 @@ impl Sampling {
             self.edges.pr().write(|w| w.pr3().clear_bit_by_one());
         }
         let tick = time::woken_at();
-        if self.sampler.spi_mut().is_simulated() {
+        if self.sampler.bus_mut().is_simulated() {
             if let Some(now) = tick {
                 self.convert(now);
             }
@@ -58,7 +58,7 @@ impl Sampling {
 
     /// One conversion of the simulated finger.
     fn convert(&mut self, now: DeviceTime) {
-        if self.sampler.spi_mut().step() { self.sampler.data_ready(now) } else { self.sampler.idle(now) }
+        if self.sampler.bus_mut().step() { self.sampler.data_ready(now) } else { self.sampler.idle(now) }
     }
 
     /// What the interrupt does with the chip: a conversion is ready, or a tick has come.
@@ -73,7 +73,7 @@ impl Sampling {
 
     /// Ticks until the interrupt is wanted even without an edge.
     fn ticks_to_next(&mut self) -> u32 {
-        let bus = self.sampler.spi_mut();
+        let bus = self.sampler.bus_mut();
         let wait_us = if bus.is_simulated() { bus.period_us() } else { IDLE_US };
         wait_us / TICK_US
     }

@@ -37,7 +37,7 @@ const INIT_FRAMES: [(&str, &str); 16] = [
 /// The frame of [`INIT_FRAMES`] that resets, after which the driver pauses.
 const RESET_AT: usize = 1;
 
-fn bytes(hex: &str) -> Vec<u8> {
+pub(super) fn bytes(hex: &str) -> Vec<u8> {
     (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap()).collect()
 }
 
@@ -60,13 +60,13 @@ fn init_transactions() -> Vec<Transaction<u8>> {
 }
 
 /// A bus that the mock plays, and the time that was waited with chip select high, in ns.
-struct MockBus<'a> {
+pub(super) struct MockBus<'a> {
     spi: Mock<u8>,
     waited_ns: &'a Cell<u32>,
 }
 
 impl<'a> MockBus<'a> {
-    fn new(spi: &Mock<u8>, waited_ns: &'a Cell<u32>) -> Self {
+    pub(super) fn new(spi: &Mock<u8>, waited_ns: &'a Cell<u32>) -> Self {
         Self { spi: spi.clone(), waited_ns }
     }
 }
@@ -87,7 +87,7 @@ impl DelayNs for MockBus<'_> {
     }
 }
 
-fn settings(hz: u32, gain: u8) -> DeviceSettings {
+pub(super) fn settings(hz: u32, gain: u8) -> DeviceSettings {
     DeviceSettings { rate: Rate::from_hz(hz, ConverterClock::NOMINAL).unwrap(), gain: Gain::from_factor(gain).unwrap() }
 }
 
@@ -112,7 +112,7 @@ fn a_frame_brings_both_codes_and_the_response_to_the_frame_before() {
     let mut mock = Mock::new(&frames.concat());
     let waited_ns = Cell::new(0);
     let mut chip = Ads131m02::new(MockBus::new(&mock, &waited_ns));
-    let first = Frame { answers: Command::Null, response: 0x0103, counts: [Counts(1), Counts(-1)] };
+    let first = Frame { answers: Command::Null, response: 0x0103, counts: [Counts(1), Counts(-1)], slow: None };
     assert_eq!(chip.read_frame(Command::Read(0x3E)), Ok(first));
     let second = chip.read_frame(Command::Null).unwrap();
     assert_eq!((second.answers, second.counts), (Command::Read(0x3E), [Counts::MAX, Counts::MIN]));
@@ -121,7 +121,8 @@ fn a_frame_brings_both_codes_and_the_response_to_the_frame_before() {
 
 #[test]
 fn responses_that_do_not_fit_tell_of_lost_settings() {
-    let tells = |answers, response| Frame { answers, response, counts: [Counts(0); 2] }.tells_lost_settings();
+    let tells =
+        |answers, response| Frame { answers, response, counts: [Counts(0); 2], slow: None }.tells_lost_settings();
     let (read, write) = (Command::Read(4), Command::Write(4, 0x55));
     // After a reset; STATUS with RESET, LOCK, the other CRC, 16-bit words; a write nobody sent, or to another register.
     let lost = [
@@ -222,7 +223,7 @@ fn a_chip_that_sends_words_of_another_length_is_noticed() {
         let crc = crc_bit_by_bit(&frame[..6]);
         frame[6..8].copy_from_slice(&crc.to_be_bytes());
         assert_eq!(crc_bit_by_bit(&frame[..9]), 0);
-        assert_eq!(parse::<()>(Command::Null, frame), Err(Error::WordLength { response: 3 }));
+        assert_eq!(parse::<2, ()>(Command::Null, &padded(frame)), Err(Error::WordLength { response: 3 }));
     }
 }
 
@@ -305,12 +306,12 @@ proptest! {
         frame[3..9].copy_from_slice(&codes.concat());
         let crc = CRC.checksum(&frame[..9]).to_be_bytes();
         frame[9..11].copy_from_slice(&crc);
-        prop_assert!(parse::<()>(Command::Null, frame).is_ok());
+        prop_assert!(parse::<2, ()>(Command::Null, &padded(frame)).is_ok());
         for bit in bits {
             frame[bit / 8] ^= 1 << (bit % 8);
         }
         // Two bytes of the frame are padding of 24-bit words: of the response (covered), of the CRC (not).
-        prop_assert!(parse::<()>(Command::Null, frame).is_err());
+        prop_assert!(parse::<2, ()>(Command::Null, &padded(frame)).is_err());
     }
 
     #[test]
@@ -346,6 +347,6 @@ fn a_sample_that_looks_like_words_of_16_bits_by_chance_is_kept() {
         let bytes = [0x05, 0x03, 0, 0x00, middle, last, 0x01, 0x02, 0, 0, 0, 0];
         (CRC.checksum(&bytes[..9]) == 0).then_some(bytes)
     });
-    let frame: Result<Frame, Error<()>> = parse(Command::Null, chance.unwrap());
+    let frame: Result<Frame, Error<()>> = parse::<2, ()>(Command::Null, &padded(chance.unwrap()));
     assert_eq!(frame.unwrap().counts[1], Counts(0x01_0200));
 }

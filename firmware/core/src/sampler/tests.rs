@@ -4,10 +4,13 @@ use core::cell::RefCell;
 use std::boxed::Box;
 use std::vec::Vec;
 
-use embedded_hal::spi::{ErrorType, Operation};
+use embedded_hal::delay::DelayNs;
+use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use palpate_shared::sim::{Faults, FingerConfig, FloatingBus, PortBusy, SimulatedFrontEnd, SpiPort};
 
 use super::*;
+use crate::ads131m::Ads131m02;
+use crate::front_end::{SelectSource, SourceNotPossible};
 use crate::queues::{DeviceEnd, Queues};
 use crate::settings::ConverterClock;
 use crate::test_chip::on_chip_of;
@@ -59,7 +62,7 @@ impl SelectSource for Bus<'_> {
 /// A sampler that streams at 4 kHz, its chip, and the main side's end of the queues.
 struct Setup<'a> {
     front_end: &'a RefCell<SimulatedFrontEnd>,
-    sampler: Sampler<'a, Bus<'a>>,
+    sampler: Sampler<'a, Ads131m02<Bus<'a>>>,
     main: DeviceEnd<'a>,
     /// µs.
     time: u32,
@@ -70,7 +73,7 @@ impl<'a> Setup<'a> {
         let (end, main) = queues.split();
         let bus =
             Bus { port: SpiPort::new(front_end), on_the_way_out: Box::new(|_| ()), on_the_way_in: Box::new(|_| ()) };
-        let mut sampler = Sampler::new(bus, end, DeviceSettings::at_start(0, ConverterClock::NOMINAL));
+        let mut sampler = Sampler::new(Ads131m02::new(bus), end, DeviceSettings::at_start(0, ConverterClock::NOMINAL));
         sampler.idle(DeviceTime(0));
         sampler.streaming = true;
         Self { front_end, sampler, main, time: 0 }
@@ -182,7 +185,7 @@ fn a_read_that_damage_made_a_write_is_undone() {
     setup(|mut on| {
         on.run(10);
         let mut left = 1;
-        on.sampler.spi_mut().on_the_way_out = Box::new(move |bytes| {
+        on.sampler.bus_mut().on_the_way_out = Box::new(move |bytes| {
             if left > 0 && bytes[0] == 0xA2 {
                 bytes[0] = 0x62; // RREG GAIN1 becomes WREG GAIN1
                 left -= 1;
@@ -199,7 +202,7 @@ fn a_read_that_damage_made_a_write_is_undone() {
 fn a_write_that_strays_during_initialisation_is_noticed() {
     setup(|mut on| {
         let mut left = 1;
-        on.sampler.spi_mut().on_the_way_out = Box::new(move |bytes| {
+        on.sampler.bus_mut().on_the_way_out = Box::new(move |bytes| {
             if left > 0 && bytes[..2] == [0x61, 0x80] {
                 bytes[0] = 0x65; // WREG CLOCK goes to channel 0's offset; CLOCK reads right by its default
                 left -= 1;
@@ -214,7 +217,7 @@ fn a_write_that_strays_during_initialisation_is_noticed() {
 #[test]
 fn a_chip_whose_every_frame_is_damaged_is_given_up_on() {
     setup(|mut on| {
-        on.sampler.spi_mut().on_the_way_in = Box::new(|bytes| bytes[4] ^= 1);
+        on.sampler.bus_mut().on_the_way_in = Box::new(|bytes| bytes[4] ^= 1);
         on.run(1000);
         assert_eq!(on.numbers(), []);
         assert!(matches!(on.events()[..], [EventKind::FrontEndMissing { .. }]));

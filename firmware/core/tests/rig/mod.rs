@@ -18,6 +18,7 @@ use std::collections::HashMap;
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
+use palpate_firmware_core::ads131m::Ads131m;
 use palpate_firmware_core::device::Identity;
 use palpate_firmware_core::{ConverterClock, Device, DeviceSettings, Queues, Sampler, SelectSource, SourceNotPossible};
 use palpate_shared::frame::{FRAME_MAX, FrameReader, encode};
@@ -37,6 +38,13 @@ const IDLE_EVERY_US: u64 = 1000;
 /// How long [`Rig::ask`] waits for a reply, in µs of device time; longer than any wait in the firmware.
 const REPLY_WAIT_US: u64 = 400_000;
 
+/// Channels of both chips, by what the test's module is called ([`chip`]).
+pub const CHANNELS: usize = chip::channels(module_path!());
+
+/// What the upper byte of the chip's ID register holds.
+#[expect(clippy::cast_possible_truncation, reason = "2 or 4")]
+pub const ID_HIGH: u16 = 0x20 | CHANNELS as u16;
+
 /// All that the rig's parts borrow.
 pub struct World {
     /// The chip on the board.
@@ -54,7 +62,10 @@ impl World {
         let on_board = chip::on_chip_of(module_path!(), config);
         Self {
             hardware: RefCell::new(SimulatedFrontEnd::new(on_board, seed)),
-            simulation: RefCell::new(SimulatedFrontEnd::new(config, seed.wrapping_add(1))),
+            simulation: RefCell::new(SimulatedFrontEnd::new(
+                FingerConfig { channels: on_board.channels, ..config },
+                seed.wrapping_add(1),
+            )),
             queues: Queues::new(),
         }
     }
@@ -125,6 +136,13 @@ impl SelectSource for Bus<'_> {
 
     fn is_simulated(&self) -> bool {
         self.is_simulated
+    }
+
+    fn inputs(&self) -> u8 {
+        match &self.simulation {
+            Some(simulation) if self.is_simulated => simulation.inputs(),
+            _ => self.hardware.inputs(),
+        }
     }
 }
 
@@ -219,7 +237,7 @@ impl Heard {
 pub struct Rig<'w> {
     hardware: &'w RefCell<SimulatedFrontEnd>,
     simulation: &'w RefCell<SimulatedFrontEnd>,
-    pub sampler: Sampler<'w, Bus<'w>>,
+    pub sampler: Sampler<'w, Ads131m<Bus<'w>, CHANNELS>>,
     pub device: Device<'w, OUTBOX>,
     pub heard: Heard,
     /// Whether the link takes bytes.
@@ -253,7 +271,11 @@ impl<'w> Rig<'w> {
         Self {
             hardware,
             simulation,
-            sampler: Sampler::new(bus, sampler_end, DeviceSettings::at_start(bench.link_baud, bench.converter_clock)),
+            sampler: Sampler::new(
+                Ads131m::new(bus),
+                sampler_end,
+                DeviceSettings::at_start(bench.link_baud, bench.converter_clock),
+            ),
             device: Device::new(
                 Identity { converter_clock: bench.converter_clock, ..identity(bench.link_baud) },
                 device_end,
@@ -273,7 +295,7 @@ impl<'w> Rig<'w> {
 
     /// The front-end behind the bus now.
     pub fn front_end(&mut self) -> &'w RefCell<SimulatedFrontEnd> {
-        if self.sampler.spi_mut().is_simulated { self.simulation } else { self.hardware }
+        if self.sampler.bus_mut().is_simulated { self.simulation } else { self.hardware }
     }
 
     /// Breaks or mends the chip on the board.
@@ -431,9 +453,9 @@ impl<'w> Rig<'w> {
 fn newest_codes(front_end: &SimulatedFrontEnd) -> [Counts; 2] {
     let copy = RefCell::new(front_end.clone());
     copy.borrow_mut().set_faults(Faults::default());
-    let mut frame = [0; 12];
+    let mut frame = [0; 3 * (CHANNELS + 2)];
     for _ in 0..2 {
-        frame = [0; 12];
+        frame.fill(0);
         SpiPort::new(&copy).transfer_in_place(&mut frame).expect("nothing else borrows the copy");
     }
     let code = |at: usize| Counts(i32::from_be_bytes([frame[at], frame[at + 1], frame[at + 2], 0]) >> 8);
@@ -450,6 +472,7 @@ pub fn identity(link_baud: u32) -> Identity {
         link_baud,
         restart: RestartReason::PowerOn,
         restarts: 0,
+        front_end: chip::kind(CHANNELS),
         converter_clock: ConverterClock::NOMINAL,
         excitation_mv: 2500,
         channels: [channel(Axis::X), channel(Axis::Y)],

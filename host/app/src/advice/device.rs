@@ -103,6 +103,8 @@ fn refused(refusal: Refusal) -> &'static str {
         Refusal::Busy => "try again",
         Refusal::NotOnThisBoard => "a board with palpate's own firmware image can; see docs/HARDWARE.md",
         Refusal::Streaming => "stop the stream first",
+        Refusal::MatrixDamaged => "try again; a matrix that is refused again is of no finger",
+        Refusal::NoForceMatrix => "give it one first",
     }
 }
 
@@ -241,6 +243,8 @@ mod tests {
             (Refusal::Busy, "try again"),
             (Refusal::NotOnThisBoard, "a board with palpate's own firmware image can; see docs/HARDWARE.md"),
             (Refusal::Streaming, "stop the stream first"),
+            (Refusal::MatrixDamaged, "try again; a matrix that is refused again is of no finger"),
+            (Refusal::NoForceMatrix, "give it one first"),
         ];
         for (refusal, wanted) in cases {
             let error = LinkError::Refused { request: "it".to_owned(), refusal };

@@ -18,7 +18,10 @@ use std::fmt;
 use std::io;
 
 use miette::{Diagnostic, Report};
+use palpate_files::mcap::McapError;
 use palpate_files::part::PartFileError;
+use palpate_files::recordings::ReadError;
+use palpate_files::recordings::stamped::StampedError;
 use palpate_files::views;
 
 use crate::live::LiveError;
@@ -93,9 +96,37 @@ fn files(error: &(dyn Error + 'static)) -> Option<String> {
     if let Some(views::ViewFileError::NotConvex(_)) = error.downcast_ref() {
         return Some("--hull takes the hull".to_owned());
     }
+    if let Some(error) = error.downcast_ref() {
+        return tables(error);
+    }
+    if let Some(error) = error.downcast_ref() {
+        return match error {
+            StampedError::Several { .. } | StampedError::Other { .. } => Some("name one with --topic".to_owned()),
+            StampedError::Mcap(McapError::Cut { .. } | McapError::Damaged { .. }) => {
+                Some("`palpate recover` brings back what it still has".to_owned())
+            }
+            _ => None,
+        };
+    }
     match error.downcast_ref()? {
         PartFileError::Supports { .. } => {
             Some("`palpate which-part` tells which it is; for anything else leave one, as `feet` or without".to_owned())
+        }
+        _ => None,
+    }
+}
+
+/// Help about tables of forces and places.
+fn tables(error: &ReadError) -> Option<String> {
+    let told = |key: &str| format!("name the column with --columns {key}=NAME, or {key}=#NUMBER");
+    match error {
+        ReadError::NoColumn { key, .. } | ReadError::SeveralColumns { key, .. } => Some(told(key)),
+        ReadError::UnknownUnit { .. } => Some("tell the unit with --columns, such as fx=NAME[mN]".to_owned()),
+        ReadError::AllBad { first, .. } if first.message.contains("decimal comma") => {
+            Some("--decimal-comma reads such numbers".to_owned())
+        }
+        ReadError::AllBad { first, .. } if first.message.contains("more need a header") => {
+            Some("--columns t=#1,fx=#2,fy=#3 says which columns they are".to_owned())
         }
         _ => None,
     }

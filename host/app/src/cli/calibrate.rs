@@ -11,7 +11,9 @@ use nalgebra::Vector2;
 use palpate::FingerMotion;
 use palpate::finger::calibration::dwell::Refusal;
 use palpate::finger::calibration::plan::{CalibrationPlan, Step, TareMode};
-use palpate::finger::calibration::session::{Bench, CalibrationRun, Ending, SampleSource, StepSummary, Taken};
+use palpate::finger::calibration::session::{
+    Bench, BenchError, CalibrationRun, Ending, SampleSource, StepSummary, Taken, Wish,
+};
 use palpate::finger::calibration::{FrontEndSettings, Load, session};
 use palpate::pushing::wave::swings;
 use palpate_device::Session;
@@ -30,6 +32,7 @@ use super::wave;
 use crate::advice::{self, Advise as _};
 use crate::live::person::Person;
 use crate::live::{self, GAUGE_FACTOR, LinkSource, SimulatedBench, interrupt};
+use crate::progress::Progress;
 
 /// Finds the finger's matrix from contacts at known angles, step by step.
 ///
@@ -153,11 +156,12 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let written = match hand {
         Some(hand) => {
             note!("a simulated hand sets every angle exactly: a reduced chi² near 0 is right for it");
-            calibrate(arguments, &plan, device, &mut SimulatedBench::new(&hand, SIMULATED_FORCE_N, tell_step))
+            let mut bench = SimulatedBench::new(&hand, SIMULATED_FORCE_N, tell_step);
+            calibrate(arguments, &plan, device, &mut Shown { bench: &mut bench, sampling: None })
         }
         None => {
             let mut person = Person::new(io::stdin().lock(), io::stderr(), |refusal| advice::help(refusal));
-            calibrate(arguments, &plan, device, &mut person)
+            calibrate(arguments, &plan, device, &mut Shown { bench: &mut person, sampling: None })
         }
     }?;
     let Some(path) = written else { return Ok(ExitCode::FAILURE) };
@@ -199,6 +203,39 @@ const WAVE_WAIT_S: f64 = 5.0;
 
 /// Force with which a simulated hand presses where the plan leaves it open, N.
 const SIMULATED_FORCE_N: f64 = 2.0;
+
+/// A bench with the person told that samples are being taken, while they are.
+struct Shown<'a> {
+    bench: &'a mut dyn Bench,
+    sampling: Option<Progress>,
+}
+
+impl Shown<'_> {
+    fn begin(&mut self, what: &str, wish: Result<Wish, BenchError>) -> Result<Wish, BenchError> {
+        let samples = matches!(wish, Ok(Wish::Sample));
+        self.sampling = samples.then(|| Progress::begin(what));
+        wish
+    }
+}
+
+impl Bench for Shown<'_> {
+    fn place(&mut self, step: &Step, number: usize, of: usize) -> Result<Wish, BenchError> {
+        self.sampling = None;
+        let wish = self.bench.place(step, number, of);
+        self.begin(&format!("step {number} of {of}, sampling until it is at rest"), wish)
+    }
+
+    fn accepted(&mut self, step: &Step, summary: &StepSummary) {
+        self.sampling = None;
+        self.bench.accepted(step, summary);
+    }
+
+    fn refused(&mut self, step: &Step, refusal: &Refusal) -> Result<Wish, BenchError> {
+        self.sampling = None;
+        let wish = self.bench.refused(step, refusal);
+        self.begin("sampling once more", wish)
+    }
+}
 
 /// Says what a simulated hand did.
 fn tell_step(step: &Step, outcome: Result<&StepSummary, &Refusal>) {
@@ -430,7 +467,7 @@ pub(super) fn now() -> String {
 }
 
 /// Seconds since 1970 as a date (Howard Hinnant, "chrono-compatible low-level date algorithms", `civil_from_days`).
-fn rfc3339(unix_s: u64) -> String {
+pub(crate) fn rfc3339(unix_s: u64) -> String {
     const DAYS_0000_TO_1970: u64 = 719_468;
     let (days, second) = (unix_s / 86_400 + DAYS_0000_TO_1970, unix_s % 86_400);
     let (era, day_of_era) = (days / 146_097, days % 146_097);
@@ -448,7 +485,7 @@ fn rfc3339(unix_s: u64) -> String {
 mod tests {
     use clap::Parser;
     use palpate::finger::Samples;
-    use palpate::finger::calibration::session::{BenchError, Delivered, SourceError, Wish};
+    use palpate::finger::calibration::session::{Delivered, SourceError};
     use palpate_files::calibration::file::RawState;
     use palpate_shared::units::Counts;
     use palpate_shared::wire::Status;

@@ -2,12 +2,9 @@
 
 use std::process::ExitCode;
 
-use clap::CommandFactory as _;
 use clap_complete::Shell;
 
 /// Prints a script that lets a shell complete commands and options.
-///
-/// Example: palpate completions bash > ~/.local/share/bash-completion/completions/palpate
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// The shell to print it for
@@ -18,7 +15,7 @@ pub(crate) struct Arguments {
 /// What the shell is to read.
 pub(super) fn script(shell: Shell) -> String {
     let mut out = Vec::new();
-    clap_complete::generate(shell, &mut super::Arguments::command(), "palpate", &mut out);
+    clap_complete::generate(shell, &mut super::command(), "palpate", &mut out);
     String::from_utf8_lossy(&out).into_owned()
 }
 

@@ -12,14 +12,16 @@ use nalgebra::Matrix2;
 use palpate::finger::contact::friction::{FrictionUnknown, SlidingFriction};
 use palpate::finger::contact::offline::{BiasOrigin, RecordingStart};
 use palpate::finger::contact::{Averaging, ContactSettings};
+use palpate_files::recordings::csv::RecordedTable;
 use palpate_files::recordings::part::RecordedPart;
 use palpate_files::recordings::session::{
     self, CONE_DEG, COVERAGE, RecordingOptions, RecordingReport, RecordingSummary, START_FORCE_N,
 };
-use palpate_files::recordings::{Format, RecordingProblem, csv, friction, mlab, text};
+use palpate_files::recordings::{Format, RecordingProblem, friction, mlab, stamped, text};
 use serde::Serialize;
 
 use super::read::report_problems;
+use super::told_tables::TableArguments;
 use crate::advice;
 use crate::width::folded;
 
@@ -62,6 +64,8 @@ pub(crate) struct Arguments {
     /// Polar angle in finger axes that shall read 0.
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true, value_parser = super::finite)]
     mounting_deg: f64,
+    #[command(flatten)]
+    tables: TableArguments,
     /// Average readings over this time; 20 ms is one mains period at 50 Hz.
     #[arg(long, value_name = "MS")]
     average_ms: Option<f64>,
@@ -221,13 +225,16 @@ impl FileReports {
 }
 
 fn feel(file: &Path, arguments: &Arguments) -> miette::Result<FileReports> {
+    if stamped::is_mcap(file) {
+        return feel_table(&arguments.tables.forces(file)?, arguments);
+    }
     let bytes = fs::read(file).into_diagnostic()?;
     let text = text(&bytes).map_err(|error| miette!("{error}"))?;
     let is_mlab = match arguments.format {
         FormatChoice::Auto => Format::detect(&text) == Format::Mlab,
         choice => choice == FormatChoice::Mlab,
     };
-    if is_mlab { feel_log(file, &text, arguments) } else { feel_table(&text, arguments) }
+    if is_mlab { feel_log(file, &text, arguments) } else { feel_table(&arguments.tables.forces_of(&text)?, arguments) }
 }
 
 fn feel_log(file: &Path, text: &str, arguments: &Arguments) -> miette::Result<FileReports> {
@@ -250,9 +257,8 @@ fn feel_log(file: &Path, text: &str, arguments: &Arguments) -> miette::Result<Fi
     Ok(FileReports { reports, problems, force_unit: "N", friction })
 }
 
-fn feel_table(text: &str, arguments: &Arguments) -> miette::Result<FileReports> {
-    let table = csv::parse(text).map_err(|error| miette!("{error}"))?;
-    let report = session::of_table(&table, &options(arguments, false)).map_err(|error| miette!("{error}"))?;
+fn feel_table(table: &RecordedTable, arguments: &Arguments) -> miette::Result<FileReports> {
+    let report = session::of_table(table, &options(arguments, false)).map_err(|error| miette!("{error}"))?;
     let problems = table.problems.iter().map(RecordingProblem::to_string).collect();
     let friction = arguments.mu_c.map_or(Friction::Unknown { slid: 0 }, |mu_c| Friction::Given { mu_c });
     let force_unit = if table.force_in_newtons { "N" } else { "units" };

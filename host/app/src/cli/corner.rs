@@ -13,7 +13,7 @@ use palpate_files::solve::kinds::corner_poses::{CornerPosesAnswer, RestPose};
 use palpate_files::views::NamedPart;
 
 use super::plot::PlotArguments;
-use super::read::read;
+use super::read::read_beside;
 use super::sample::{PlanArguments, plan_in_words, print_plan};
 use super::{counted, finite, turn_deg};
 use crate::pictures::point_sampling::SamplingPicture;
@@ -58,7 +58,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     // The fences touch the hull, whatever the outline.
-    let file = read(&arguments.part, |text| NamedPart::parse("", text, true))?;
+    let file = read_beside(&arguments.part, |text, open| NamedPart::parse_beside("", text, true, open))?;
     if !matches!(file.shape, Outline::Polygon(_)) {
         let help = "describe it by `vertices`, without `rounding`";
         return Err(miette!(help = help, "{} is a smooth part, no edge of which lies flush", arguments.part.display()));

@@ -18,7 +18,7 @@ use palpate_files::motion;
 use palpate_files::part::PolygonFile;
 
 use super::kept_push::{self, FORCES, MOTION, as_table};
-use super::read::{read, read_text, tell_part};
+use super::read::{kept_elsewhere, read, read_beside, read_text, tell_part};
 use super::watched_push::MuUncertainty;
 use super::{not_negative, pose, static_demo, touch};
 use crate::advice::Advise as _;
@@ -132,7 +132,7 @@ impl Arguments {
     fn part(&self, draw: &mut Draw) -> miette::Result<(Part, Ranges)> {
         let default = Ranges { compliance: compliance_by_design(), ..Ranges::default() };
         let Some(path) = &self.part else { return Ok((random_part(draw), default)) };
-        let file = read(path, PolygonFile::parse)?;
+        let file = read_beside(path, PolygonFile::parse_beside)?;
         tell_part(path, file.part.polygon().vertices(), file.part.body(), &file.doubts());
         let mu_c = file.mu_c.map_or(default.mu_c, |mu_c| mu_c..=mu_c);
         Ok((file.part, Ranges { mu: file.mu, mu_c, ..default }))
@@ -142,7 +142,7 @@ impl Arguments {
         let finger = felt.finger;
         let cannot = || format!("cannot keep the push in {}", folder.display());
         let part = match &self.part {
-            Some(path) => read_text(path).wrap_err_with(cannot)?,
+            Some(path) => kept_elsewhere(path, read_text(path).wrap_err_with(cannot)?),
             None => part_as_toml(part, ranges.mu),
         };
         let files = [

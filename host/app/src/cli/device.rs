@@ -66,6 +66,11 @@ impl DeviceArguments {
         self.record.begin()
     }
 
+    /// Whether a device was named.
+    pub(crate) fn is_given(&self) -> bool {
+        self.choice.device.is_some()
+    }
+
     /// Whether the device is a recording.
     pub(crate) fn is_recording(&self) -> bool {
         self.choice.device.as_ref().is_some_and(|name| matches!(name.parse(), Ok(Address::Recording(_))))
@@ -83,8 +88,21 @@ impl DeviceArguments {
 
     /// Opens the device, reconnecting by itself later if `reconnect`, and begins the recording that is asked for.
     pub(crate) fn open(&self, reconnect: bool) -> miette::Result<Session> {
+        self.open_at(reconnect, PlaySpeed::Unlimited)
+    }
+
+    /// The same; a recording is played at this speed where nothing is said of it.
+    pub(crate) fn open_at(&self, reconnect: bool, speed: PlaySpeed) -> miette::Result<Session> {
         self.begin_recording()?;
-        self.choice.open(reconnect)
+        self.choice.open_at(reconnect, speed)
+    }
+
+    /// Whether a device that is not there may come: not where none of this name can be, nor a recording or a simulation.
+    #[cfg(feature = "web")]
+    pub(crate) fn can_come(&self) -> miette::Result<bool> {
+        let Some(name) = &self.choice.device else { return Ok(true) };
+        let address: Address = name.parse().advised()?;
+        Ok(!matches!(address, Address::Recording(_) | Address::Simulated { .. }))
     }
 }
 
@@ -99,8 +117,13 @@ impl DeviceChoice {
 
     /// Opens the device, reconnecting by itself later if `reconnect`.
     pub(crate) fn open(&self, reconnect: bool) -> miette::Result<Session> {
+        self.open_at(reconnect, PlaySpeed::Unlimited)
+    }
+
+    /// The same; a recording is played at this speed where nothing is said of it.
+    fn open_at(&self, reconnect: bool, speed: PlaySpeed) -> miette::Result<Session> {
         let options = self.options(reconnect);
-        let speed = self.speed.map_or(PlaySpeed::Unlimited, PlaySpeed::Times);
+        let speed = self.speed.map_or(speed, PlaySpeed::Times);
         match self.address()? {
             Address::Recording(path) => recording::play::open(Path::new(&path), options, speed),
             address => Session::open_noted(&address, options, recording::recorder()).advised(),

@@ -9,7 +9,7 @@ use palpate::pushing::estimation::{Estimate, from_rest};
 use palpate_files::part::PolygonFile;
 use serde_json::{Value, json};
 
-use super::read::{read, tell_part};
+use super::read::{read_beside, tell_part};
 use super::watched_push::{MotionArgument, MuUncertainty, WatchedPushArguments, Watching};
 use super::{lacking, misfit, positive};
 use crate::width::folded;
@@ -78,7 +78,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         let help = "say how well it is known, such as x3, or nothing";
         return Err(miette::miette!(help = help, "a mu that is known exactly is not measured"));
     }
-    let file = read(&arguments.part, PolygonFile::parse)?;
+    let file = read_beside(&arguments.part, PolygonFile::parse_beside)?;
     tell_part(&arguments.part, file.part.polygon().vertices(), file.part.body(), &file.doubts());
     let watched = arguments.push.with_mu_uncertainty(MuUncertainty::UNMEASURED);
     let push = watched.watch(&arguments.motion.file, Watching::TO_ITS_END, &mut |push| push.until_over())?;

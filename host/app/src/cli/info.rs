@@ -116,8 +116,13 @@ impl About {
             row(&format!("register {address:#04x}"), &value);
         }
         for RawExchange { sent, received } in &self.raw_frames {
-            let Received { response, counts: [first, second], is_sound } = Received::of(*received);
-            let checksum = if is_sound { "right" } else { "WRONG" };
+            let kind = session.hello().front_end.kind;
+            let Received { response, counts: [first, second], is_sound } = Received::of(kind, *received);
+            let checksum = match is_sound {
+                Some(true) => "right",
+                Some(false) => "WRONG",
+                None => "not among these words",
+            };
             row("frame out", &hex(*sent));
             row("frame in", &hex(*received));
             row("", &format!("response {response:#06x}, codes {first} and {second}, checksum {checksum}"));
@@ -135,13 +140,15 @@ impl About {
             "device": session.hello().device.to_string(),
             "simulated": session.is_simulated(),
             "hello": session.hello(),
+            "excitation_v": session.excitation_v(),
+            "temperature_c": session.temperature_c(),
             "round_trip_s": self.round_trip.as_secs_f64(),
             "self_test": self_test,
             "counters": self.counters,
             "last_fault": self.board.as_ref().and_then(|(fault, _)| fault.as_ref()),
             "health": self.board.as_ref().map(|(_, health)| health),
             "registers": self.registers.iter().map(register_as_json).collect::<Vec<_>>(),
-            "raw_frames": self.raw_frames.iter().map(raw_frame_as_json).collect::<Vec<_>>(),
+            "raw_frames": self.raw_frames.iter().map(|frame| raw_frame_as_json(session.hello().front_end.kind, frame)).collect::<Vec<_>>(),
         })
     }
 }
@@ -153,8 +160,8 @@ fn register_as_json((address, value): &(u8, Result<u16, LinkError>)) -> serde_js
     }
 }
 
-fn raw_frame_as_json(RawExchange { sent, received }: &RawExchange) -> serde_json::Value {
-    let Received { response, counts, is_sound } = Received::of(*received);
+fn raw_frame_as_json(kind: FrontEndKind, RawExchange { sent, received }: &RawExchange) -> serde_json::Value {
+    let Received { response, counts, is_sound } = Received::of(kind, *received);
     serde_json::json!({
         "out": hex(*sent), "in": hex(*received), "response": response, "counts": counts, "checksum_fits": is_sound,
     })
@@ -183,15 +190,20 @@ fn print_hello(session: &Session) {
         },
     );
     row("sampling", &format!("{} Hz, gain {}, excitation {} mV", hello.rate_hz, hello.gain, hello.excitation_mv));
+    if let Some(volts) = session.excitation_v() {
+        let celsius =
+            session.temperature_c().map_or_else(String::new, |celsius| format!(", finger at {celsius:.2} °C"));
+        row("measured", &format!("excitation {:.2} mV{celsius}", 1e3 * volts));
+    }
     row("clock", &clock(hello));
     row("last start", &format!("{}, {} restarts since power-on", restart(hello.restart), hello.restarts));
 }
 
 fn front_end(hello: &Hello) -> String {
-    let FrontEndKind::Ads131m02 = hello.front_end.kind;
+    let name = hello.front_end.kind.facts().name;
     match hello.front_end.id_word {
-        0 => "ADS131M02: none answers".to_owned(),
-        word => format!("ADS131M02, ID {word:#06x}"),
+        0 => format!("{name}: none answers"),
+        word => format!("{name}, ID {word:#06x}"),
     }
 }
 

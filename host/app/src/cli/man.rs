@@ -3,14 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Command, CommandFactory as _};
+use clap::Command;
 use clap_mangen::Man;
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use palpate_files::output;
 
 /// Writes the manual pages of all commands into a folder, in place of those that are there.
-///
-/// Example: palpate man ~/.local/share/man/man1
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// Folder for the pages; it is made where there is none
@@ -22,7 +20,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let folder = &arguments.folder;
     let place = || format!("cannot write the manual pages to {}", folder.display());
     std::fs::create_dir_all(folder).into_diagnostic().wrap_err_with(place)?;
-    let mut command = super::Arguments::command().disable_help_subcommand(true);
+    let mut command = super::command().disable_help_subcommand(true);
     command.build();
     write_pages(&command, folder).wrap_err_with(place)?;
     note!("the manual pages are in {}", folder.display());

@@ -13,13 +13,13 @@ use palpate::pushing::finger_motion::FingerMotion;
 use palpate::pushing::measured_path::{MeasuredPath, PLACES_MIN};
 use palpate::pushing::pushed_world::PushedWorld;
 use palpate_files::part::PolygonFile;
-use palpate_files::recordings::csv::{self, RecordedTable};
-use palpate_files::recordings::path::{self, RecordedPath};
+use palpate_files::recordings::csv::RecordedTable;
+use palpate_files::recordings::path::RecordedPath;
 use palpate_files::solve::kinds::observe_force::{ForceHypothesisAnswer, OFFSETS_COVERED};
 use serde_json::{Value, json};
 
 use super::observed_plot::{self, Heading};
-use super::read::{read, report_problems};
+use super::told_tables::TableArguments;
 use super::watched_push::{FeltPushArguments, not_at_rest, too_short, without_push};
 use super::{not_negative, pose, positive};
 use crate::pictures::plot::Figure;
@@ -49,9 +49,8 @@ impl MeasuredMotionArguments {
         self.path.as_deref()
     }
 
-    fn read(&self, path: &Path) -> miette::Result<MeasuredPath> {
-        let RecordedPath { times, places, problems } = read(path, path::parse)?;
-        report_problems(path, &problems);
+    fn read(&self, path: &Path, tables: &TableArguments) -> miette::Result<MeasuredPath> {
+        let RecordedPath { times, places, .. } = tables.places(path)?;
         if times.len() < PLACES_MIN {
             let help = "measure twenty places a second or more, from before the push to its end";
             return Err(miette::miette!(
@@ -92,12 +91,12 @@ pub(super) fn observe(
     forces: &Path,
     path: &Path,
     arguments: &MeasuredMotionArguments,
+    tables: &TableArguments,
     felt: FeltPushArguments,
 ) -> miette::Result<MeasuredPush> {
-    let measured = arguments.read(path)?;
+    let measured = arguments.read(path, tables)?;
     let named = || format!("cannot use the forces {}", forces.display());
-    let RecordedTable { readings, problems, .. } = read(forces, csv::parse)?;
-    report_problems(forces, &problems);
+    let RecordedTable { readings, .. } = tables.forces(forces)?;
     let readings: Vec<_> = readings.iter().map(|reading| reading.mounted(felt.mounting())).collect();
     let push = sensed(&readings, felt.tare()).map_err(not_at_rest).wrap_err_with(named)?;
     let SensedPush { readings, noise, lost } = push.ok_or_else(without_push)?;

@@ -9,7 +9,7 @@ macro_rules! say {
 macro_rules! eprintln {
     ($($argument:tt)*) => {{
         use std::io::Write as _;
-        let _ = writeln!(std::io::stderr(), $($argument)*);
+        let _ = $crate::progress::apart(|| writeln!(std::io::stderr(), $($argument)*));
     }};
 }
 
@@ -26,6 +26,7 @@ mod corner;
 mod demo;
 mod device;
 mod diagnose;
+mod export;
 mod follow;
 mod friction;
 mod help;
@@ -44,9 +45,12 @@ mod monitor;
 mod motion_source;
 mod observe;
 mod observe_gho;
+mod observe_slow;
 mod observed_plot;
 mod palm;
 mod palm_motion;
+mod part;
+mod passing;
 mod plan_push;
 mod plot;
 mod ports;
@@ -56,31 +60,43 @@ mod read;
 mod record;
 mod recover;
 mod replay;
+mod report;
 mod roll;
 mod sample;
+mod sample_live;
+#[cfg(feature = "web")]
+mod serve;
 mod simulate_device;
+mod simulate_passing;
 mod simulate_robot;
+mod slow_push;
 mod solve;
 mod static_demo;
+mod switches;
 mod tables;
+mod tared;
+mod tasks;
+mod told_tables;
 mod touch;
 mod touch_world;
 mod watched_push;
 mod wave;
 mod which_part;
 
+pub(crate) use calibrate::rfc3339;
 pub(crate) use touch::advice as touch_advice;
 
 use std::f64::consts::PI;
 use std::io::Write as _;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use palpate::math::angle::wrap_angle;
 use palpate_device::{Incoming, Session};
 
 use crate::live;
 use crate::messages::{self, Loudness};
+use crate::progress::{self, Progress};
 use crate::recording::{self, LogLevel};
 
 /// Exit status for a wrong command line (`EX_USAGE` of BSD's sysexits; fixed by the `solve` interface).
@@ -107,15 +123,20 @@ enum Command {
     Wave(wave::Arguments),
     LocateTip(locate_tip::Arguments),
     Monitor(monitor::Arguments),
+    #[cfg(feature = "web")]
+    Serve(serve::Arguments),
     Record(record::Arguments),
     Replay(replay::Arguments),
     Recover(recover::Arguments),
-    Observe(observe::Arguments),
+    Report(report::Arguments),
+    Export(export::Arguments),
+    Observe(Box<observe::Arguments>),
     PlanPush(plan_push::Arguments),
     WhichPart(which_part::Arguments),
     Friction(friction::Arguments),
     Contact(contact::Arguments),
     Import(import::Arguments),
+    Part(part::Arguments),
     Push(push::Arguments),
     Inscribe(inscribe::Arguments),
     Sample(sample::Arguments),
@@ -126,9 +147,39 @@ enum Command {
     Tables(tables::Arguments),
     Solve(solve::Arguments),
     SimulateDevice(simulate_device::Arguments),
+    SimulatePassing(simulate_passing::Arguments),
     SimulateRobot(simulate_robot::Arguments),
     Completions(completions::Arguments),
     Man(man::Arguments),
+}
+
+/// What is done about a push, live or from a file.
+const FEELING: &str = "feeling the push and searching poses";
+
+impl Command {
+    /// What is being done meanwhile, where a command may compute for long and nobody types into it. Those that sample for long say
+    /// themselves when, `tables` how far it is.
+    fn takes_long(&self) -> Option<&'static str> {
+        match self {
+            Self::Demo(_) => Some("pushing and searching"),
+            Self::Diagnose(_) => Some("sampling at rest"),
+            Self::Record(_) => Some("recording"),
+            Self::Recover(_) => Some("looking for what is whole"),
+            Self::Report(_) | Self::Export(_) => Some("reading"),
+            Self::Contact(_) | Self::Import(_) => Some("reading"),
+            Self::Push(_) | Self::Roll(_) => Some("simulating"),
+            Self::Inscribe(_) => Some("searching poses"),
+            Self::Sample(_) | Self::Corner(_) => Some("searching points and their proof"),
+            Self::PlanPush(_) | Self::WhichPart(_) | Self::Friction(_) => Some(FEELING),
+            Self::Observe(arguments) if !arguments.reads_keyboard() => Some(FEELING),
+            _ => None,
+        }
+    }
+}
+
+/// The command line that is understood, with all that its help says.
+fn command() -> clap::Command {
+    tasks::described(Arguments::command())
 }
 
 /// Runs the command named on the command line and returns the process's exit status.
@@ -141,7 +192,8 @@ where
 {
     let words: Vec<std::ffi::OsString> = arguments.into_iter().map(Into::into).collect();
     recording::remember_command_line(&words);
-    let arguments = match Arguments::try_parse_from(words) {
+    let parsed = command().try_get_matches_from(words).and_then(|matches| Arguments::from_arg_matches(&matches));
+    let arguments = match parsed {
         Ok(arguments) => arguments,
         Err(error) => {
             let failed = error.use_stderr();
@@ -152,6 +204,7 @@ where
     };
     messages::listen(arguments.loudness);
     tracing::debug!("palpate {} on {} {}", env!("CARGO_PKG_VERSION"), std::env::consts::OS, std::env::consts::ARCH);
+    let progress = arguments.command.takes_long().map(Progress::begin);
     let outcome = match arguments.command {
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Ports(arguments) => ports::run(&arguments),
@@ -161,15 +214,20 @@ where
         Command::Wave(arguments) => wave::run(&arguments),
         Command::LocateTip(arguments) => locate_tip::run(&arguments),
         Command::Monitor(arguments) => monitor::run(&arguments),
+        #[cfg(feature = "web")]
+        Command::Serve(arguments) => serve::run(&arguments),
         Command::Record(arguments) => record::run(&arguments),
         Command::Replay(arguments) => replay::run(&arguments),
         Command::Recover(arguments) => recover::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
+        Command::Export(arguments) => export::run(&arguments),
         Command::Observe(arguments) => observe::run(&arguments),
         Command::PlanPush(arguments) => plan_push::run(&arguments),
         Command::WhichPart(arguments) => which_part::run(&arguments),
         Command::Friction(arguments) => friction::run(&arguments),
         Command::Contact(arguments) => contact::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
+        Command::Part(arguments) => part::run(&arguments),
         Command::Push(arguments) => push::run(&arguments),
         Command::Inscribe(arguments) => inscribe::run(&arguments),
         Command::Sample(arguments) => sample::run(&arguments),
@@ -180,10 +238,12 @@ where
         Command::Tables(arguments) => tables::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),
         Command::SimulateDevice(arguments) => simulate_device::run(&arguments),
+        Command::SimulatePassing(arguments) => simulate_passing::run(&arguments),
         Command::SimulateRobot(arguments) => simulate_robot::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
         Command::Man(arguments) => man::run(&arguments),
     };
+    drop(progress);
     let status = outcome.unwrap_or_else(|report| {
         eprintln!("{report:?}");
         recording::log(LogLevel::Error, &report.to_string());
@@ -222,7 +282,7 @@ fn turn_deg(theta: f64) -> f64 {
 /// a complaint where the disk is full.
 fn write_out(text: std::fmt::Arguments<'_>) {
     let mut out = std::io::stdout().lock();
-    match out.write_fmt(text).and_then(|()| out.flush()) {
+    match progress::apart(|| out.write_fmt(text).and_then(|()| out.flush())) {
         Ok(()) => {}
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {
             recording::end();
@@ -252,7 +312,11 @@ fn tell(incoming: &Incoming) {
             note!("link back after {:.1} s; the samples missed meanwhile cannot be counted", after.as_secs_f64());
         }
         Incoming::Restarted(_) => note!("the device started anew; its settings were restored"),
-        Incoming::Samples(_) | Incoming::Temperature(_) => {}
+        Incoming::Samples(_)
+        | Incoming::Temperature(_)
+        | Incoming::SlowChannels(_)
+        | Incoming::Inputs(_)
+        | Incoming::Force(_) => {}
     }
 }
 
@@ -299,8 +363,6 @@ fn not_negative(text: &str) -> Result<f64, String> {
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory as _;
-
     use super::*;
 
     #[test]
@@ -335,7 +397,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         assert_eq!(run(["palpate".as_ref(), "man".as_ref(), folder.path().as_os_str()]), ExitCode::SUCCESS);
         let scripts = [Shell::Bash, Shell::Zsh, Shell::Fish].map(completions::script);
-        for command in Arguments::command().get_subcommands() {
+        for command in command().get_subcommands() {
             let name = command.get_name();
             let page = std::fs::read_to_string(folder.path().join(format!("palpate-{name}.1"))).unwrap();
             assert!(page.contains(".SH SYNOPSIS"), "{name}: {page}");

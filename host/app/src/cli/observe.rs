@@ -1,6 +1,6 @@
 //! `palpate observe`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use palpate::never;
@@ -11,9 +11,10 @@ use palpate_files::part::PolygonFile;
 use super::follow::Following;
 use super::measured_motion::{self, MeasuredMotionArguments};
 use super::observe_gho::{GhoArguments, GhoPush};
+use super::observe_slow::{self, SlowArguments, SlowObserving};
 use super::observed_plot::{self, Heading};
 use super::plot::PlotArguments;
-use super::read::{read, tell_part};
+use super::read::{read, read_beside, tell_part};
 use super::watched_push::{Ongoing, Watched, WatchedPushArguments, Watching, too_short};
 use super::{lacking, misfit, pose, positive};
 use crate::recording::{self, Believed};
@@ -42,6 +43,14 @@ wants to see chapter 5 run. They give no uncertainty, and say what they assume.
 
 With --method follow pose and motion are told at each reading: what explains the first readings is searched beside, and then
 followed. A push that has told too little is said to be ambiguous until the finger turns aside.
+
+With --method slow nothing rests on inertia: where the finger first met the part, and with caution the direction and size of
+the force, move and weigh a cloud of poses through the mechanics of slow pushing (`palpate push --quasi-static`). Friction
+is not what it was a millimetre ago, and this knows it; so one push tells little, and a chain of them much: --next adds
+pushes that came after, --belief keeps what is believed from one run to the next. --near tells where the part is about;
+without it, it may be anywhere on the table. Each push goes straight on. Recordings are a file of forces and --path, such
+as `palpate import` writes; live, the finger moves by --motion from rest in contact. Unless --method says how, a push is
+slow where friction would stop the part within 0.02 mm.
 
 The part file is that of `palpate push`; its mu_c is not needed. Its mu is taken for known to 20 % and found with the
 rest; --mu-uncertainty says how well it is known, or that it is exact. A slow push tells only mu times the mass, and the
@@ -78,12 +87,15 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     measured: MeasuredMotionArguments,
 
-    /// How the push is observed
-    #[arg(long, value_enum, default_value_t)]
-    method: Method,
+    /// How the push is observed [default: slow where the finger goes slowly, search otherwise]
+    #[arg(long, value_enum)]
+    method: Option<Method>,
 
     #[command(flatten)]
     gho: GhoArguments,
+
+    #[command(flatten)]
+    slow: SlowArguments,
 
     /// When the finger's motion began, on the clock of the forces: then it may be on its way when it meets the part, and
     /// mind another contact before [default: where force is first felt, finger and part being at rest in contact]
@@ -108,11 +120,12 @@ pub(crate) struct Arguments {
 }
 
 /// How a push is observed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Method {
     /// All that was felt from rest until now explained at once: the pose, a few times a second
-    #[default]
     Search,
+    /// Pushes at some mm/s, one after another: the pose after each, from where the finger first met the part and what it felt
+    Slow,
     /// Followed from reading to reading, 125 times a second: pose, velocity and turning, through lost contacts too
     Follow,
     /// The thesis's own observers, after Gauthier, Hammouri and Othman, one an edge: by the contact angle alone, without
@@ -125,18 +138,38 @@ const EVERY_S: f64 = 0.1;
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     arguments.push.begin_recording()?;
-    if arguments.gho.is_given() && arguments.method != Method::Gho {
+    let asked = arguments.method;
+    if arguments.gho.is_given() && asked != Some(Method::Gho) {
         let help = "say --method gho, or leave --contact, --zeta, --correction-s, --edge and --initial-estimate out";
         return Err(miette::miette!(help = help, "the thesis's observers are told how to observe, and not asked for"));
     }
-    let file = read(&arguments.part, PolygonFile::parse)?;
+    let file = read_beside(&arguments.part, PolygonFile::parse_beside)?;
     tell_part(&arguments.part, file.part.polygon().vertices(), file.part.body(), &file.doubts());
+    let method = match asked {
+        Some(method) => method,
+        None => arguments.chosen(&file)?,
+    };
+    if arguments.slow.is_given() && method != Method::Slow {
+        let help = "say --method slow, or leave --near, --near-within, --next, --belief, --mass-g, --height-mm, --beyond-mm and --seed out";
+        return Err(miette::miette!(help = help, "slow pushes are told about, and not asked for"));
+    }
+    if method == Method::Slow {
+        let measured = arguments.push.forces.as_deref().zip(arguments.measured.path());
+        let plot = arguments.plot.is_asked().then(|| arguments.title());
+        let observing = SlowObserving { file: &file, json: arguments.json, slow: &arguments.slow, plot };
+        return match (measured, &arguments.motion) {
+            (Some(first), _) => observing.recorded(first, &arguments.push.tables, arguments.push.felt, &arguments.plot),
+            (None, Some(motion)) => observing.watched(&arguments.push, motion, &arguments.plot),
+            (None, None) => unreachable!("a motion is required unless there is a path, which requires forces"),
+        };
+    }
     if let (Some(forces), Some(path)) = (&arguments.push.forces, arguments.measured.path()) {
-        if arguments.method != Method::Search {
+        if method != Method::Search {
             let help = "leave --method out, or tell the motion with --motion";
             return Err(miette::miette!(help = help, "with --path a push is looked at as a whole"));
         }
-        let push = measured_motion::observe(&file, forces, path, &arguments.measured, arguments.push.felt)?;
+        let WatchedPushArguments { tables, felt, .. } = &arguments.push;
+        let push = measured_motion::observe(&file, forces, path, &arguments.measured, tables, *felt)?;
         if arguments.json {
             say!("{}", push.as_json());
         } else {
@@ -149,7 +182,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         unreachable!("required unless there is a path, which requires forces")
     };
     let every_s = arguments.every.unwrap_or(EVERY_S);
-    if arguments.method == Method::Follow {
+    if method == Method::Follow {
         let every_s = if arguments.json { arguments.every.unwrap_or(0.0) } else { every_s };
         let sd = arguments.motion_begins_sigma_ms * 1e-3;
         let clock = arguments.motion_begins.map(|begins| MotionClock { begins, sd });
@@ -157,7 +190,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         let following = Following { file: &file, every_s, json: arguments.json, clock, plot };
         return following.run(&arguments.push, motion, &arguments.plot);
     }
-    if arguments.method == Method::Gho {
+    if method == Method::Gho {
         let every_s = if arguments.json { arguments.every.unwrap_or(0.0) } else { every_s };
         let push = GhoPush { file: &file, arguments: arguments.gho, every_s, json: arguments.json };
         return push.run(&arguments.push, motion, &arguments.plot, || arguments.title());
@@ -191,6 +224,36 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
 }
 
 impl Arguments {
+    /// Whether the finger's motion comes through standard input, which may be a person's keyboard.
+    pub(super) fn reads_keyboard(&self) -> bool {
+        self.motion.as_deref() == Some(Path::new("-"))
+    }
+
+    /// The method for a finger that goes as fast as this one, told with its reason.
+    fn chosen(&self, file: &PolygonFile) -> miette::Result<Method> {
+        let fastest = match (self.measured.path(), &self.motion) {
+            (Some(path), _) => match observe_slow::fastest_measured(&self.push.tables.places(path)?) {
+                Some(fastest) => fastest,
+                None => return Ok(Method::Search),
+            },
+            (None, Some(motion)) if motion.as_path() != std::path::Path::new("-") => {
+                observe_slow::fastest_told(&read(motion, palpate_files::motion::parse)?)
+            }
+            // What is still to be told may be anything.
+            _ => return Ok(Method::Search),
+        };
+        let stops = observe_slow::stopping_distance(fastest, file.mu);
+        let is_slow = stops <= observe_slow::SLOW_STOP_M;
+        note!(
+            "{} (the finger goes at {:.1} mm/s at most, and friction stops the part within {:.3} mm: {}; --method says otherwise)",
+            if is_slow { "observed as a slow push" } else { "observed as a push with inertia" },
+            fastest * 1e3,
+            stops * 1e3,
+            if is_slow { "nothing is felt of inertia" } else { "its inertia is felt" }
+        );
+        Ok(if is_slow { Method::Slow } else { Method::Search })
+    }
+
     /// Of a picture: what was pushed, and what was felt of it.
     fn title(&self) -> String {
         let part = self.part.display();

@@ -10,7 +10,7 @@ use palpate::pushing::finger_motion::Segment;
 use palpate_files::part::PolygonFile;
 use serde_json::{Value, json};
 
-use super::read::{read, tell_part};
+use super::read::{read_beside, tell_part};
 use super::watched_push::{MotionArgument, WatchedPushArguments, Watching};
 use super::{lacking, misfit, pose, positive};
 use crate::recording::{self, Believed};
@@ -80,7 +80,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     arguments.push.begin_recording()?;
-    let file = read(&arguments.part, PolygonFile::parse)?;
+    let file = read_beside(&arguments.part, PolygonFile::parse_beside)?;
     tell_part(&arguments.part, file.part.polygon().vertices(), file.part.body(), &file.doubts());
     let push = arguments.push.watch(&arguments.motion.file, Watching::TO_ITS_END, &mut |push| push.until_over())?;
     let force = push.force()?;
@@ -89,6 +89,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let estimate = from_rest::estimate(&known, &force);
     recording::believed(0, estimate.time_end, estimate.hypotheses.iter().map(Believed::from));
     let present = known.present(&estimate);
+    crate::progress::says("playing motions ahead".to_owned());
     let plan = Plan { estimate: &estimate, present, motions: arguments.motions(&present)? };
     let prospects = plan.prospects(arguments);
     if arguments.json {

@@ -12,7 +12,8 @@ use palpate_files::part::{DescribedPart, PartFile};
 use palpate_files::solve::kinds::push::{InitialAcceleration, Meeting, PushAnswer, PushEnd, PushSample, Transition};
 
 use super::plot::{PlotArguments, draw_to, picture_file};
-use super::read::{read, tell_part};
+use super::read::{read_beside, tell_part};
+use super::slow_push::{SlowArguments, SlowlyPushing};
 use super::{equal_steps, finite, not_negative, positive};
 use crate::pictures::limit_surface;
 use crate::pictures::plot::Figure;
@@ -40,6 +41,10 @@ Instead of feet, `[[support]]` lists what the part may stand on, for `palpate wh
 At first the part lies as drawn and the finger touches it. Without --speed-mm-s both are at rest; with it the part
 already goes along with the finger. Forces are those on the part, as shares of its weight. --then changes the finger's
 acceleration on the way, as often as given: `--acceleration-mm-s2 50 --then 0.5,-50 --then 1,0` pushes, brakes and rests.
+
+With --quasi-static the finger goes so slowly that friction alone decides, as at some mm/s it does: no speed, no time, but
+a way, --distance-mm or --path. It touches edges and vertices as it comes to them, sticks and slides, leaves and touches
+again; feet that come to rest hold as friction does. The load moves with a push above the table (--height-mm).
 
 Exit status: 0, 1 if the push is impossible or a file cannot be read or written, 64 wrong command line.";
 
@@ -110,6 +115,8 @@ pub(crate) struct Arguments {
     /// Draw the part's limit surface with the friction during the push to this file, .svg or .png
     #[arg(long, value_name = "FILE", value_parser = picture_file)]
     limit_surface: Option<PathBuf>,
+    #[command(flatten)]
+    slow: SlowArguments,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -165,8 +172,11 @@ fn turn(text: &str) -> Result<TurnArgument, String> {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    let file = read(&arguments.part, PartFile::parse)?;
+    let file = read_beside(&arguments.part, PartFile::parse_beside)?;
     tell_part(&arguments.part, &file.part.outline(), file.part.body(), &file.doubts());
+    if arguments.slow.is_asked() {
+        return arguments.push_slowly(&file);
+    }
     let plan = arguments.plan(&file)?;
     let cannot = || format!("cannot push {}", arguments.part.display());
     let run = |times: &[f64]| plan.run(&file, times).into_diagnostic().wrap_err_with(cannot);
@@ -186,6 +196,26 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
 }
 
 impl Arguments {
+    fn push_slowly(&self, file: &PartFile) -> miette::Result<ExitCode> {
+        let help = "leave --finger out: a disk of --radius-mm pushes slowly";
+        if self.finger != FingerChoice::Disk {
+            return Err(miette::miette!(help = help, "slow pushes are by a disk"));
+        }
+        let pushing = SlowlyPushing {
+            name: self.name(),
+            part: &self.part,
+            file,
+            edge: self.edge,
+            s: self.s_mm.map(|s| s * 1e-3),
+            direction: self.direction_deg.to_radians(),
+            radius: self.radius_mm * 1e-3,
+            mu_c: self.mu_c.or(file.mu_c),
+            rows: self.rows,
+            json: self.json,
+        };
+        pushing.run(&self.slow, &self.plot)
+    }
+
     fn plan(&self, file: &PartFile) -> miette::Result<PushPlan> {
         let direction_deg = self.acceleration_direction_deg.unwrap_or(self.direction_deg);
         let then = self.then.iter().map(|turn| Turn {
@@ -356,7 +386,7 @@ fn state_in_words(sample: &Sample) -> String {
 }
 
 /// A number with so many decimals, and no minus sign before a zero.
-fn fixed(value: f64, decimals: usize) -> String {
+pub(super) fn fixed(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     match text.strip_prefix('-') {
         Some(zero) if zero.chars().all(|c| c == '0' || c == '.') => zero.to_owned(),

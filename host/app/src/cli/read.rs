@@ -16,6 +16,7 @@ use palpate_files::motion::MotionFileError;
 use palpate_files::palm::PalmFileError;
 use palpate_files::part::{Doubt, PartFileError};
 use palpate_files::scene::SceneFileError;
+use palpate_files::shapes::Opener;
 use palpate_files::views::ViewFileError;
 
 use crate::recording;
@@ -55,6 +56,54 @@ where
         .wrap_err_with(cannot)
 }
 
+/// Reads a file that may name others, beside it, and understands it.
+pub(super) fn read_beside<T, E>(path: &Path, parse: impl FnOnce(&str, Opener<'_>) -> Result<T, E>) -> miette::Result<T>
+where
+    E: Error + Send + Sync + 'static,
+{
+    read(path, |text| parse(text, &|name| open_beside(path, name)))
+}
+
+/// Opens what a file names: a path from the folder that the file is in.
+pub(super) fn open_beside(path: &Path, name: &str) -> io::Result<Vec<u8>> {
+    let beside = path.parent().unwrap_or(Path::new("")).join(name);
+    let bytes = drawing_bytes(&beside)?;
+    recording::attach(DRAWING, &beside, &bytes);
+    Ok(bytes)
+}
+
+/// The text of a file as it is kept elsewhere: a drawing that it names is named from the root of the file system.
+pub(super) fn kept_elsewhere(path: &Path, text: String) -> String {
+    let Ok(mut keys) = text.parse::<toml::Table>() else { return text };
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let file = match keys.get_mut("outline") {
+        Some(toml::Value::Table(outline)) => outline.get_mut("file"),
+        other => other,
+    };
+    let Some(toml::Value::String(file)) = file else { return text };
+    match fs::canonicalize(folder.join(&*file)) {
+        Ok(whole) => *file = whole.to_string_lossy().into_owned(),
+        Err(_) => return text,
+    }
+    keys.to_string()
+}
+
+/// What a drawing is called in a recording.
+pub(super) const DRAWING: &str = "drawing";
+
+/// Longest drawing read, in bytes: a solid of the most facets that are taken, as text.
+const DRAWING_BYTES_MAX: u64 = 512 << 20;
+
+/// The bytes of a drawing.
+pub(super) fn drawing_bytes(path: &Path) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    fs::File::open(path)?.take(DRAWING_BYTES_MAX + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > DRAWING_BYTES_MAX {
+        return Err(io::Error::other(format!("it is longer than {} MiB: export it coarser", DRAWING_BYTES_MAX >> 20)));
+    }
+    Ok(bytes)
+}
+
 /// What a person's file is, by its keys; none where it may be anything.
 fn kind_of(text: &str) -> Option<&'static str> {
     let keys: toml::Table = text.parse().ok()?;
@@ -65,7 +114,7 @@ fn kind_of(text: &str) -> Option<&'static str> {
         () if has(&["cone", "fence", "point"]) => Some(VIEWS),
         () if keys.get("shape").is_some_and(toml::Value::is_array) => Some(SCENE),
         () if has(&["shape", "semi_axes"]) => Some(BODY),
-        () if has(&["vertices", "ellipse"]) => Some(PART),
+        () if has(&["vertices", "ellipse", "outline"]) => Some(PART),
         () => None,
     }
 }

@@ -2,11 +2,12 @@
 
 use std::ffi::OsString;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::process::ExitCode;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
 
+use super::read::DRAWING;
 use crate::recording::play::{self, Attached};
 
 /// Runs the command of a recording again, on what was recorded.
@@ -51,9 +52,17 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         ));
     }
     let folder = tempfile::tempdir().into_diagnostic().wrap_err("cannot keep the recording's files meanwhile")?;
+    let drawings: Vec<_> = recorded.attached.iter().filter(|attached| attached.role == DRAWING).collect();
     for attached in recorded.attached.iter().filter(|_| is_recorded) {
-        if words.contains(&attached.name) && has_changed(attached) {
+        // A file that names others goes with them.
+        let beside = || drawings.iter().filter_map(|drawing| Some((*drawing, path_beside(drawing, attached)?)));
+        if words.contains(&attached.name)
+            && (has_changed(attached) || beside().any(|(drawing, _)| has_changed(drawing)))
+        {
             let kept = kept(folder.path(), attached)?;
+            for (drawing, path) in beside() {
+                keep(&folder.path().join(path), drawing)?;
+            }
             words.iter_mut().filter(|word| **word == attached.name).for_each(|word| word.clone_from(&kept));
             note!("{} is gone or has changed: the recording's is taken", attached.name);
         }
@@ -97,8 +106,21 @@ fn has_changed(attached: &Attached) -> bool {
 fn kept(folder: &Path, attached: &Attached) -> miette::Result<String> {
     let name = Path::new(&attached.name).file_name().unwrap_or_default();
     let path = folder.join(name);
-    fs::write(&path, &attached.data).into_diagnostic().wrap_err("cannot keep the recording's files meanwhile")?;
+    keep(&path, attached)?;
     Ok(path.display().to_string())
+}
+
+fn keep(path: &Path, attached: &Attached) -> miette::Result<()> {
+    let folder = path.parent().map_or(Ok(()), fs::create_dir_all);
+    let kept = folder.and_then(|()| fs::write(path, &attached.data));
+    kept.into_diagnostic().wrap_err("cannot keep the recording's files meanwhile")
+}
+
+/// The path of a drawing from the folder of the file that names it, if it is in there.
+fn path_beside(drawing: &Attached, file: &Attached) -> Option<PathBuf> {
+    let folder = Path::new(&file.name).parent()?;
+    let path = Path::new(&drawing.name).strip_prefix(folder).ok()?;
+    path.components().all(|part| matches!(part, Component::Normal(_))).then(|| path.to_owned())
 }
 
 #[cfg(test)]

@@ -1,17 +1,13 @@
-//! `palpate sample --decode PLAN -`: readings that come live, line by line, each part named as it settles.
+//! `palpate sample --decode PLAN`: readings that come live, each part named as it settles.
 
 use std::process::ExitCode;
-use std::sync::mpsc::RecvTimeoutError;
-use std::time::Duration;
 
-use palpate_files::bits::{BitChange, Settled, Settling};
+use palpate_files::bits::{Settled, Settling};
 use palpate_files::sampling_plan::{PlanFile, in_words};
-use serde_json::json;
+use serde_json::{Value, json};
 
-use super::simulate_device::lines_of_input;
-
-/// Where nothing came for so long, readings have settled. A pipe that stalls for less changes no answer.
-const QUIET: Duration = Duration::from_millis(500);
+use super::device::DeviceArguments;
+use super::switches::{Heard, listen};
 
 /// Answers in a row that a point contradicts before it is said to be stuck.
 const STUCK_ANSWERS: usize = 3;
@@ -26,36 +22,21 @@ pub(super) struct LiveDecoding {
     pub(super) json: bool,
 }
 
-/// Readings of standard input, to its end.
-pub(super) fn decode(plan: &PlanFile, live: LiveDecoding) -> miette::Result<ExitCode> {
+/// Readings of standard input or a board's inputs, to their end.
+pub(super) fn decode(plan: &PlanFile, device: &DeviceArguments, live: LiveDecoding) -> miette::Result<ExitCode> {
     let points = plan.answer.points.len();
-    let lines = lines_of_input()?;
     let mut settling = Settling::new(points, live.debounce);
     let mut told = Told { plan, live, contradicted: vec![0; points] };
-    let mut unusable = 0_usize;
-    loop {
-        let change = match lines.recv_timeout(QUIET) {
-            Ok(line) => line.and_then(|line| BitChange::parse(&line, points).map_err(|error| error.to_string())),
-            Err(RecvTimeoutError::Timeout) => {
-                settling.settle().iter().for_each(|settled| told.tell(settled));
-                continue;
-            }
-            Err(RecvTimeoutError::Disconnected) => break,
+    let is_all = listen(device, points, |heard| {
+        let settled = match heard {
+            Heard::Change(change) => settling.take(&change).map_err(|error| error.to_string())?,
+            Heard::Until(time) => settling.until(time),
+            Heard::Quiet => settling.settle(),
         };
-        let settled = change.and_then(|change| match change {
-            Some(change) => settling.take(&change).map_err(|error| error.to_string()),
-            None => Ok(None),
-        });
-        match settled {
-            Ok(settled) => settled.iter().for_each(|settled| told.tell(settled)),
-            Err(why) => {
-                unusable += 1;
-                note!("a line counts for nothing: {why}");
-            }
-        }
-    }
-    settling.settle().iter().for_each(|settled| told.tell(settled));
-    Ok(if unusable == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+        settled.iter().for_each(|settled| told.tell(settled));
+        Ok(())
+    })?;
+    Ok(if is_all { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 /// What is told of each part.
@@ -73,10 +54,9 @@ impl Told<'_> {
         let misread: &[usize] = decoded.contradicted.first().map_or(&[], Vec::as_slice);
         let is_one = decoded.nearest.len() == 1 && misread.len() <= self.live.correct;
         if self.live.json {
-            let nearest: Vec<_> = decoded.nearest.iter().map(|&polygon| self.plan.name(polygon)).collect();
-            let wrong: Vec<_> = decoded.contradicted.iter().map(|points| plus_one(points)).collect();
-            let name = is_one.then(|| nearest.first().cloned()).flatten();
-            say!("{}", json!({"t": t, "readings": readings, "name": name, "nearest": nearest, "misread": wrong}));
+            let mut told = decoded_as_json(self.plan, readings, self.live.correct);
+            told["t"] = json!(t);
+            say!("{told}");
         } else if is_one || misread.is_empty() {
             say!("{t:.3} s  {readings}  {}", in_words(self.plan, &decoded));
         } else {
@@ -94,7 +74,13 @@ impl Told<'_> {
     }
 }
 
-/// Numbers from 1, as a person counts.
-fn plus_one(points: &[usize]) -> Vec<usize> {
-    points.iter().map(|point| point + 1).collect()
+/// What readings say, for a program: the name is null where it is not certain with so many misread points at most.
+pub(super) fn decoded_as_json(plan: &PlanFile, readings: &str, correct: usize) -> Value {
+    let Ok(decoded) = plan.decode(readings) else { return Value::Null };
+    let nearest: Vec<_> = decoded.nearest.iter().map(|&polygon| plan.name(polygon)).collect();
+    let wrong: Vec<Vec<_>> =
+        decoded.contradicted.iter().map(|points| points.iter().map(|point| point + 1).collect()).collect();
+    let misread = wrong.first().map_or(0, Vec::len);
+    let name = nearest.first().filter(|_| nearest.len() == 1 && misread <= correct);
+    json!({"readings": readings, "name": name, "nearest": nearest, "misread": wrong})
 }

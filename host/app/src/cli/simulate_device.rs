@@ -14,8 +14,9 @@ use palpate_device::simulated::{
 };
 use palpate_files::motion;
 use palpate_files::recordings::csv;
+use palpate_shared::front_ends::{FRONT_ENDS, FrontEndKind};
 use palpate_shared::sim::{
-    BridgesConfig, Carriage, CarriedConfig, ContactLoad, Faults, FingerConfig, FloatingBus, Load, MICROSTRAIN,
+    BridgesConfig, Carriage, CarriedConfig, Channels, ContactLoad, Faults, FingerConfig, FloatingBus, Load, MICROSTRAIN,
 };
 
 use super::read::lines_of_stdin;
@@ -65,9 +66,27 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "X,Y", value_parser = gravity, allow_hyphen_values = true, default_value = "0,0")]
     gravity: [f32; 2],
 
+    /// Converter: ADS131M02, or ADS131M04, which also measures the excitation and an NTC
+    #[arg(long, value_name = "NAME", value_parser = front_end, default_value = FrontEndKind::Ads131m02.facts().name)]
+    front_end: FrontEndKind,
+
     /// Run until killed, without reading orders
     #[arg(long)]
     detached: bool,
+}
+
+/// A converter by its name.
+fn front_end(text: &str) -> Result<FrontEndKind, String> {
+    let names = || FRONT_ENDS.map(|facts| facts.name).join(" or ");
+    FrontEndKind::named(text).ok_or_else(|| format!("no converter is called {text:?}; it is {}", names()))
+}
+
+/// By how much the excitation is off, told in percent, as a ratio.
+fn of_excitation(text: &str) -> Result<f32, String> {
+    match number(text)? {
+        percent if (-50.0..=50.0).contains(&percent) => Ok(percent / 100.0),
+        percent => Err(format!("an excitation that is off by {percent} % is none; give at most 50 %")),
+    }
 }
 
 /// A frequency of the mains.
@@ -102,12 +121,15 @@ wait SECONDS             read the next order after so much of the device's time
 fault WORDS              break the front-end; one or more of: none, absent,
                          silent (no data-ready), stuck (codes repeat), open0,
                          open1 (gauges), saturate0, saturate1, bits RATE (bit
-                         errors on its bus), drift UM_M_PER_S, hum UM_M
+                         errors on its bus), drift UM_M_PER_S, hum UM_M,
+                         excitation PERCENT (by how much it is off)
 line WORDS               break the line, both ways; one or more of: none,
                          drop P, corrupt P, duplicate P, noise P (chance for a
                          frame), stall P MS, delay MS, pieces (reads cut
                          anywhere), unplug S, restart S (once in S seconds)
 counts                   what was injected on the line so far
+inputs LEVELS            set the board's digital inputs: eight digits 0 or 1,
+                         input 7 first
 unplug | plug            pull the cable, plug it in again
 restart                  switch off and on
 truth (or nothing)       what presses now
@@ -127,6 +149,10 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         baud: arguments.baud,
         finger: FingerConfig {
             bridges: BridgesConfig { hum_hz: arguments.mains_hz, ..BridgesConfig::default() },
+            channels: match arguments.front_end {
+                FrontEndKind::Ads131m02 => Channels::Two,
+                FrontEndKind::Ads131m04 => Channels::Four,
+            },
             ..FingerConfig::default()
         },
         carried: CarriedConfig { gravity: arguments.gravity, ..CarriedConfig::default() },
@@ -185,6 +211,8 @@ enum Order {
     Load(Load),
     Faults(Faults),
     LinkFaults(LinkFaults),
+    /// A bit for each input.
+    Inputs(u8),
     Counts,
     Unplug,
     PlugIn,
@@ -216,6 +244,7 @@ impl Order {
             ["sweep", from, to, seconds, force] => Self::Load(sweep(from, to, seconds, force)?),
             ["fault", words @ ..] => Self::Faults(faults(words)?),
             ["line", words @ ..] => Self::LinkFaults(link_faults(words)?),
+            ["inputs", levels] => Self::Inputs(input_levels(levels)?),
             ["counts"] => Self::Counts,
             _ => return Err(format!("cannot read `{line}`; `help` lists the orders")),
         })
@@ -243,6 +272,12 @@ const TIME_MAX_S: f32 = 4000.0;
 
 fn at_most(value: f32, limit: f32, what: &str) -> Result<f32, String> {
     if value.abs() <= limit { Ok(value) } else { Err(format!("{what} is {value}, and the limit is {limit}")) }
+}
+
+/// Levels of the eight digital inputs, input 7 first.
+fn input_levels(word: &str) -> Result<u8, String> {
+    let levels = Some(word).filter(|word| word.len() == 8).and_then(|word| u8::from_str_radix(word, 2).ok());
+    levels.ok_or_else(|| format!("`{word}` is not eight digits 0 or 1, input 7 first"))
 }
 
 fn force(word: &str) -> Result<f32, String> {
@@ -395,6 +430,7 @@ fn faults(words: &[&str]) -> Result<Faults, String> {
             "stuck" => faults.stuck_codes = true,
             "bits" => faults.bit_error_rate = probability(argument(&mut rest, word)?, "the bit error rate")?,
             "drift" => faults.drift_per_s = microstrain(argument(&mut rest, word)?, "the drift in um/m a second")?,
+            "excitation" => faults.excitation_change = of_excitation(argument(&mut rest, word)?)?,
             "hum" => faults.hum_peak_to_peak = microstrain(argument(&mut rest, word)?, "the hum in um/m")?.abs(),
             _ => return Err(format!("no such fault: `{word}`; `help` lists them")),
         }
@@ -440,6 +476,7 @@ fn carry_out(device: &SimulatedDevice, order: Order) -> io::Result<String> {
             return device.set_course(course).map(|moment| from_now_on(&moment, &what));
         }
         Order::Faults(faults) => device.set_faults(faults)?,
+        Order::Inputs(levels) => device.set_inputs(levels)?,
         Order::LinkFaults(faults) => device.set_link_faults(faults)?,
         Order::Counts => return device.injected().map(|injected| injected_in_words(&injected)),
         Order::Unplug => device.unplug()?,
@@ -523,6 +560,8 @@ mod tests {
         assert!((contact.angle - std::f32::consts::FRAC_PI_2).abs() < 1e-6);
         assert!((contact.friction_angle.tan() - 0.2).abs() < 1e-6);
         assert_eq!(Order::parse("  unplug "), Ok(Order::Unplug));
+        assert_eq!(Order::parse("inputs 10000101"), Ok(Order::Inputs(0x85)));
+        assert!(Order::parse("inputs 1000010").is_err() && Order::parse("inputs 2000010x").is_err());
         assert_eq!(Order::parse("force 1 -2.5"), Ok(Order::Load(Load::Force([1.0, -2.5]))));
     }
 

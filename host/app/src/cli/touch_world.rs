@@ -12,7 +12,7 @@ use palpate::pushing::quasi_static::Support;
 use palpate::pushing::touched_world::{TouchErrors, TouchedWorld};
 use palpate_files::part::PolygonFile;
 
-use super::read::{read, tell_part};
+use super::read::{read_beside, tell_part};
 use super::{finite, positive};
 use crate::thesis::demonstration::compliance_by_design;
 
@@ -69,7 +69,7 @@ pub(super) fn pose_mm(text: &str) -> Result<Pose, String> {
 
 /// A part file of a polygon, with what is odd about it told.
 pub(super) fn read_part(path: &Path) -> miette::Result<PolygonFile> {
-    let file = read(path, PolygonFile::parse)?;
+    let file = read_beside(path, PolygonFile::parse_beside)?;
     tell_part(path, file.part.polygon().vertices(), file.part.body(), &file.doubts());
     Ok(file)
 }

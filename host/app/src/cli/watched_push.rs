@@ -6,8 +6,9 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use miette::WrapErr as _;
-use nalgebra::Rotation2;
-use palpate::finger::contact::TareError;
+use nalgebra::{Rotation2, Vector2};
+use palpate::finger::calibration::{Calibration, FrontEnd};
+use palpate::finger::contact::{Reading, TareError};
 use palpate::finger::judge::{CountsJudge, ForceJudge, Judged};
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::never;
@@ -20,13 +21,12 @@ use palpate_device::Session;
 use palpate_files::calibration::carried::ComplianceRecord;
 use palpate_files::calibration::file::CalibrationFile;
 use palpate_files::part::PolygonFile;
-use palpate_files::recordings::csv::{self, RecordedTable};
 
 use super::calibrated::{CalibrationArguments, OffsetArguments};
 use super::device::DeviceArguments;
 use super::kept_push::KeptPush;
 use super::motion_source::MotionSource;
-use super::read::{read, report_problems};
+use super::told_tables::TableArguments;
 use super::{lacking, positive};
 use crate::advice::{self, Advise as _};
 use crate::live;
@@ -40,6 +40,9 @@ pub(super) struct WatchedPushArguments {
     /// beginning
     #[arg(value_name = "FORCES", conflicts_with_all = ["device", "baud", "calibration", "record", "speed"])]
     pub(super) forces: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub(super) tables: TableArguments,
 
     #[command(flatten)]
     pub(super) felt: FeltPushArguments,
@@ -167,7 +170,7 @@ impl FeltPushArguments {
     }
 
     /// How well the friction of the plane is known.
-    fn mu_g_log_sd(&self) -> Option<f64> {
+    pub(super) fn mu_g_log_sd(&self) -> Option<f64> {
         self.mu_uncertainty.unwrap_or(MuUncertainty::UNTOLD).log_sd
     }
 
@@ -181,6 +184,18 @@ impl FeltPushArguments {
                 wave.mounting_deg,
                 wave.mounting_deg
             );
+        }
+    }
+
+    /// A finger about to rest and then to push, along the robot's axes, of which an estimate is due so often; a tare of a
+    /// finger under load is refused where its front-end is given.
+    pub(super) fn watch(&self, every_s: f64, calibration: &Calibration, front_end: Option<FrontEnd>) -> PushWatch {
+        let settings = WatchSettings { rest_s: self.tare, every_s };
+        let calibration = calibration.mounted(self.mounting()).with_scale_sd(SCALE_SD);
+        let watch = PushWatch::new(settings, Some(&calibration));
+        match front_end {
+            Some(front_end) => watch.behind(front_end),
+            None => watch,
         }
     }
 
@@ -327,10 +342,8 @@ const PER_CENT: [f64; 2] = [0.1, 100.0];
 const FACTOR: [f64; 2] = [1.01, 10.0];
 
 /// The usable rows of a file of forces, judged; the others are named.
-fn judged_forces(path: &Path) -> miette::Result<Vec<Judged>> {
-    let RecordedTable { readings, problems, .. } = read(path, csv::parse)?;
-    report_problems(path, &problems);
-    Ok(ForceJudge::judge_recording(&readings))
+fn judged_forces(path: &Path, tables: &TableArguments) -> miette::Result<Vec<Judged>> {
+    Ok(ForceJudge::judge_recording(&tables.forces(path)?.readings))
 }
 
 /// A push that is over.
@@ -415,7 +428,7 @@ impl WatchedPushArguments {
                 let felt = self.felt.with(None);
                 let named = || format!("cannot use the forces {}", path.display());
                 let judged: Vec<_> =
-                    judged_forces(path)?.into_iter().map(|it| it.mounted(self.felt.mounting())).collect();
+                    judged_forces(path, &self.tables)?.into_iter().map(|it| it.mounted(self.felt.mounting())).collect();
                 motion.read_all()?;
                 let Some(motion) = motion.known() else { return Err(without_motion()) };
                 let watch = RecordedWatch::new(settings, None, &judged, motion).map_err(not_at_rest);
@@ -448,8 +461,7 @@ impl WatchedPushArguments {
         let front_end = live::front_end(session.hello()).advised()?;
         let is_checked = self.offset.expected(&calibration, &front_end).is_some();
         let mounting = self.felt.mounting();
-        let watch = PushWatch::new(settings, Some(&calibration.mounted(mounting).with_scale_sd(SCALE_SD)));
-        let mut watch = if is_checked { watch.behind(front_end) } else { watch };
+        let mut watch = self.felt.watch(settings.every_s, &calibration, is_checked.then_some(front_end));
         let mut judge = CountsJudge::new(&calibration);
         let mut failed = None;
         recording::tared(calibration.unit().symbol(), None);
@@ -540,6 +552,35 @@ impl WatchedPush {
     pub(super) fn conclude(&mut self, file: &PolygonFile) -> Option<PushAnswer> {
         let known = self.felt.known(file, &self.motion);
         self.watch.conclude(&known, &never)
+    }
+
+    /// What was felt since the push began, tared: s since then, and N on the finger; in mean over these many seconds.
+    pub(super) fn since_onset(&self, mean_s: f64) -> Vec<(f64, Vector2<f64>)> {
+        let readings = self.watch.sense().map_or(&[][..], PushSense::readings);
+        let stretch = |t: f64| (t / mean_s).floor();
+        let stretches = readings.chunk_by(|a, b| (stretch(a.t) - stretch(b.t)).abs() < 0.5);
+        let middle = |readings: &[Reading]| {
+            let count = readings.len() as f64;
+            let t = readings.iter().map(|reading| reading.t).sum::<f64>() / count;
+            (t, readings.iter().map(|reading| reading.force_finger).sum::<Vector2<f64>>() / count)
+        };
+        stretches.map(middle).collect()
+    }
+
+    /// How the finger moved.
+    pub(super) fn motion(&self) -> &FingerMotion {
+        &self.motion
+    }
+
+    /// Of the finger's own mass, kg.
+    pub(super) fn effective_mass(&self) -> f64 {
+        self.felt.finger.effective_mass
+    }
+
+    /// When contact was lost before the motion's end, s since the push began.
+    pub(super) fn lost(&self) -> Option<f64> {
+        let sense = self.watch.sense()?;
+        Some(sense.lost_before(self.motion.duration())? - sense.onset_time()?)
     }
 
     /// Whether there was a push at all.

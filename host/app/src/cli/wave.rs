@@ -16,12 +16,13 @@ use palpate_files::calibration::carried::{ComplianceRecord, WaveRecord};
 use palpate_files::calibration::file::{CalibrationFile, RawRecord, save_beside, save_raw_wave};
 use palpate_files::calibration::raw_wave::{RawWave, samples_of};
 use palpate_files::motion;
-use palpate_files::recordings::csv::{self, RecordedTable};
+use palpate_files::recordings::csv::RecordedTable;
 use palpate_shared::sim::Load;
 
 use super::calibrated::CalibrationArguments;
 use super::device::DeviceArguments;
-use super::read::{read, report_problems};
+use super::read::read;
+use super::told_tables::TableArguments;
 use super::{calibrate, positive};
 use crate::advice::Advise as _;
 use crate::live::{self, interrupt};
@@ -38,6 +39,9 @@ pub(crate) struct Arguments {
     /// Forces on the finger from a file instead of a device: a table of t, Fx, Fy in newtons; needs -c
     #[arg(value_name = "FORCES", conflicts_with_all = ["device", "baud", "record", "speed"], requires = "calibration")]
     forces: Option<PathBuf>,
+
+    #[command(flatten)]
+    tables: TableArguments,
 
     /// Identify kept raw samples of a wave again (DATE.wave.csv, which has its motion) instead of taking new ones; needs -c
     #[arg(long, value_name = "FILE", conflicts_with_all = ["forces", "motion", "device", "baud", "record", "speed"])]
@@ -128,8 +132,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     }
     let (path, mut file, waved) = match (&arguments.forces, &raw) {
         (Some(forces), _) => {
-            let RecordedTable { readings, problems, .. } = read(forces, csv::parse)?;
-            report_problems(forces, &problems);
+            let RecordedTable { readings, .. } = arguments.tables.forces(forces)?;
             let (path, file) = arguments.calibration.named()?;
             (path, file, Waved { readings, samples: Vec::new() })
         }

@@ -13,7 +13,7 @@ use serde_json::json;
 use super::lacking;
 use super::misfit;
 use super::pose;
-use super::read::{read, tell_part};
+use super::read::{read_beside, tell_part};
 use super::watched_push::{MotionArgument, WatchedPushArguments, Watching};
 use crate::recording::{self, Believed};
 
@@ -122,7 +122,7 @@ impl Arguments {
                 let help = "give each part once: twice it would count as two parts that nothing tells apart";
                 return Err(miette::miette!(help = help, "{} is given twice", path.display()));
             }
-            let supports = read(path, PolygonFile::parse_supports)?;
+            let supports = read_beside(path, PolygonFile::parse_supports_beside)?;
             for (_, file) in &supports {
                 tell_part(path, file.part.polygon().vertices(), file.part.body(), &file.doubts());
             }

@@ -7,12 +7,13 @@ use std::io::Write as _;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, Once, PoisonError};
 
+use crate::progress;
 use crate::screen::terminal;
 
 static REQUESTED: AtomicBool = AtomicBool::new(false);
 
-/// What an interruption says as it ends the process; none where it is a wish.
-static LAST_WORDS: Mutex<Option<String>> = Mutex::new(None);
+/// What is done when an interruption ends the process; none where it is a wish.
+static AT_END: Mutex<Option<Box<dyn FnOnce() + Send>>> = Mutex::new(None);
 
 /// From now on an interruption is a wish that [`requested`] tells, and not the process's immediate end; a second one
 /// ends it all the same.
@@ -23,13 +24,15 @@ pub fn listen() {
     static INSTALLED: Once = Once::new();
     INSTALLED.call_once(|| {
         let installed = ctrlc::set_handler(|| {
-            if let Some(words) = LAST_WORDS.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
-                // Whether or not anybody reads it.
-                let _ = writeln!(std::io::stderr(), "\n{words}");
+            let at_end = AT_END.lock().unwrap_or_else(PoisonError::into_inner).take();
+            if let Some(at_end) = at_end {
+                REQUESTED.store(true, Ordering::Relaxed);
+                at_end();
                 std::process::exit(INTERRUPTED);
             }
             if REQUESTED.swap(true, Ordering::Relaxed) {
                 terminal::restore();
+                progress::clear();
                 std::process::exit(INTERRUPTED);
             }
         });
@@ -41,8 +44,21 @@ pub fn listen() {
 
 /// From now on an interruption says this and ends the process at once, even while it waits for the keyboard.
 pub fn end_saying(words: String) {
-    *LAST_WORDS.lock().unwrap_or_else(PoisonError::into_inner) = Some(words);
+    end_with(move || {
+        // Whether or not anybody reads it.
+        let _ = writeln!(std::io::stderr(), "\n{words}");
+    });
+}
+
+/// From now on an interruption does this, beside whatever is under way, and ends the process; a second one ends it at once.
+pub fn end_with(act: impl FnOnce() + Send + 'static) {
+    *AT_END.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(act));
     listen();
+}
+
+/// From now on an interruption is a wish again.
+pub fn wish_again() {
+    *AT_END.lock().unwrap_or_else(PoisonError::into_inner) = None;
 }
 
 /// Exit status of a process that an interruption ended: what shells give for a signal 2.

@@ -99,7 +99,14 @@ impl ListeningFinger {
             Some(Incoming::Restarted(_) | Incoming::Reconnected { .. }) => {
                 Err(ListenError::NoSamples("the device started anew, or its link did".to_owned()))
             }
-            Some(Incoming::Event(_) | Incoming::Temperature(_)) | None => Ok(()),
+            Some(
+                Incoming::Event(_)
+                | Incoming::Temperature(_)
+                | Incoming::SlowChannels(_)
+                | Incoming::Inputs(_)
+                | Incoming::Force(_),
+            )
+            | None => Ok(()),
         }
     }
 

@@ -119,7 +119,12 @@ pub fn stream(session: &mut Session, mut take: impl FnMut(&mut Session, &Incomin
                     Incoming::Reconnected { .. } | Incoming::Restarted(_) => {
                         (connected, last_heard) = (true, session.now());
                     }
-                    Incoming::Event(_) | Incoming::Temperature(_) | Incoming::Silent { .. } => {}
+                    Incoming::Event(_)
+                    | Incoming::Temperature(_)
+                    | Incoming::SlowChannels(_)
+                    | Incoming::Inputs(_)
+                    | Incoming::Force(_)
+                    | Incoming::Silent { .. } => {}
                 }
                 if !take(session, &incoming) {
                     return Ok(());

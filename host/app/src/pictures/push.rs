@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Point2, Vector2};
 use palpate::pushing::dynamics::{ContactMode, FingerShape, PartSide, Sample};
-use palpate_files::part::PartFile;
+use palpate_files::part::{DescribedPart, PartFile};
 
 use crate::pictures::plot::{Chart, Colour, Dash, Figure, Key, PlotScene, Stroke, Style};
 use crate::push_scenario::{Pushed, to_world};
@@ -16,7 +16,7 @@ use palpate::gravity::GRAVITY_ASSUMED;
 pub const SAMPLES: usize = 300;
 
 /// Outlines of the part to show, from start to end.
-const OUTLINES: usize = 6;
+pub(super) const OUTLINES: usize = 6;
 
 /// Points in which an elliptic finger is drawn.
 const FINGER_POINTS: u32 = 120;
@@ -25,18 +25,18 @@ const FINGER_POINTS: u32 = 120;
 const BAR_SHARE: f64 = 0.08;
 
 /// Length of the longest force arrow, as a share of the part's size.
-const FORCE_SHARE: f64 = 0.25;
+pub(super) const FORCE_SHARE: f64 = 0.25;
 
 /// Least extents of the charts, so that rounding stays invisible: mm, °/s, shares of the weight.
-const CHART_SPANS_MIN: [f64; 3] = [1.0, 2.0, 0.02];
+pub(super) const CHART_SPANS_MIN: [f64; 3] = [1.0, 2.0, 0.02];
 
 /// Size of the page.
-const PAGE: [f64; 2] = [1120.0, 720.0];
+pub(super) const PAGE: [f64; 2] = [1120.0, 720.0];
 
-const PART: Colour = Colour::BLUE;
-const FORCE: Colour = Colour::VERMILLION;
-const TRACK: Colour = Colour::GREEN;
-const FINGER: Colour = Colour::DARK_GREY;
+pub(super) const PART: Colour = Colour::BLUE;
+pub(super) const FORCE: Colour = Colour::VERMILLION;
+pub(super) const TRACK: Colour = Colour::GREEN;
+pub(super) const FINGER: Colour = Colour::DARK_GREY;
 
 /// What a picture shows.
 #[derive(Clone, Copy, Debug)]
@@ -109,7 +109,7 @@ impl PushPicture<'_> {
 
     /// A straight finger: as much of it as the part is large, with a thickness to be seen.
     fn bar(&self, scene: &mut PlotScene, centre: Point2<f64>, moment: Moment) {
-        let (half, thick) = (self.size(), BAR_SHARE * self.size());
+        let (half, thick) = (size(&self.file.part), BAR_SHARE * size(&self.file.part));
         let corners = [[-half, 0.0], [-half, -thick], [half, -thick], [half, 0.0]];
         scene.polygon(&corners.map(|corner| centre + Vector2::from(corner)), finger_style(moment));
     }
@@ -125,19 +125,11 @@ impl PushPicture<'_> {
     fn forces(&self, scene: &mut PlotScene, shown: &[&Sample]) {
         let force = |sample: &Sample| self.pushed.force_over_weight(sample).unwrap_or_default();
         let largest = shown.iter().map(|sample| force(sample).norm()).fold(0.0, f64::max);
-        let length = FORCE_SHARE * self.size() / largest.max(f64::MIN_POSITIVE);
+        let length = FORCE_SHARE * size(&self.file.part) / largest.max(f64::MIN_POSITIVE);
         for sample in shown {
             let tail = self.pushed.contact_point(sample);
             scene.arrow(tail, force(sample) * length, FORCE);
         }
-    }
-
-    /// The part's size: twice the mean distance of its outline's points from the centre of mass, m.
-    fn size(&self) -> f64 {
-        let part = &self.file.part;
-        let outline = part.outline();
-        let distances = outline.iter().map(|p| (p - part.centre_of_mass()).norm());
-        2.0 * distances.sum::<f64>() / outline.len() as f64
     }
 
     /// The direction across the track of the centre of mass that leads away from the contact, for labels clear of
@@ -209,6 +201,13 @@ impl PushPicture<'_> {
     }
 }
 
+/// The part's size: twice the mean distance of its outline's points from the centre of mass, m.
+pub(super) fn size(part: &DescribedPart) -> f64 {
+    let outline = part.outline();
+    let distances = outline.iter().map(|p| (p - part.centre_of_mass()).norm());
+    2.0 * distances.sum::<f64>() / outline.len() as f64
+}
+
 /// How changes between rolling and sliding are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Changes {
@@ -218,14 +217,14 @@ enum Changes {
 
 /// When in a push an outline is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Moment {
+pub(super) enum Moment {
     Start,
     Between,
     End,
 }
 
 impl Moment {
-    fn of(outline: usize) -> Self {
+    pub(super) fn of(outline: usize) -> Self {
         match outline {
             0 => Self::Start,
             last if last + 1 == OUTLINES => Self::End,
@@ -234,7 +233,7 @@ impl Moment {
     }
 }
 
-fn part_style(moment: Moment) -> Style {
+pub(super) fn part_style(moment: Moment) -> Style {
     match moment {
         Moment::Start => Stroke::solid(PART, 1.5).with(Dash::Dashed).into(),
         Moment::Between => Style::area(Colour::SKY_BLUE, 0.10).outlined(Stroke::solid(Colour::SKY_BLUE, 0.8)),
@@ -242,7 +241,7 @@ fn part_style(moment: Moment) -> Style {
     }
 }
 
-fn finger_style(moment: Moment) -> Style {
+pub(super) fn finger_style(moment: Moment) -> Style {
     match moment {
         Moment::Start => Stroke::solid(FINGER, 1.2).with(Dash::Dashed).into(),
         Moment::Between => Stroke::solid(Colour::GREY, 0.6).into(),

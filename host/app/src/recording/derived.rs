@@ -13,9 +13,9 @@ use palpate::finger::sense::{FingerSense, Sensed};
 use palpate::geometry::Pose;
 use palpate::pushing::estimation::Hypothesis;
 use palpate_device::{Incoming, Session};
+use palpate_files::mcap::cdr::Cdr;
 use serde_json::json;
 
-use super::cdr::Cdr;
 use super::channels::Kind;
 use super::disk::Item;
 use super::{Recording, active};
@@ -30,7 +30,7 @@ const PART: &str = "part";
 /// What the messages are made with.
 #[derive(Debug)]
 pub(super) struct Derived {
-    is_full: bool,
+    pub(super) is_full: bool,
     bias: Option<Vector2<f64>>,
     sense: Option<FingerSense>,
     counted: Option<Instant>,
@@ -47,7 +47,11 @@ impl Derived {
 /// From now on forces are in `unit`, and less this tare where there is one.
 pub(crate) fn tared(unit: &'static str, bias: Option<Vector2<f64>>) {
     let Some(recording) = &mut *active() else { return };
-    recording.disk.put(Item::UnitOfForce(unit));
+    recording.write(Item::UnitOfForce(unit));
+    #[cfg(feature = "foxglove")]
+    if let Some(live) = &mut recording.live {
+        live.unit = unit;
+    }
     recording.derived.bias = bias;
 }
 
@@ -101,11 +105,15 @@ fn unix_ns(session: &Session, device_s: Option<f64>) -> u64 {
 }
 
 impl Recording {
-    fn put(&mut self, kind: Kind, unix_ns: u64, cdr: Cdr) {
-        self.disk.put(Item::Message { kind, unix_ns, data: cdr.finish() });
+    fn tell(&mut self, kind: Kind, unix_ns: u64, cdr: Cdr) {
+        self.put(kind, unix_ns, cdr.finish());
     }
 
     fn take(&mut self, session: &Session, incoming: &Incoming, judged: &[Judged]) {
+        if self.disk.is_none() {
+            // Nobody notes what the session goes by.
+            self.derived.newest_ns = session.unix_time_of_arrival_ns().unwrap_or(self.derived.newest_ns);
+        }
         let readings: Vec<Reading> = judged.iter().filter_map(|item| item.reading()).collect();
         if self.derived.is_full {
             readings.iter().for_each(|reading| self.force(session, reading));
@@ -131,9 +139,9 @@ impl Recording {
         let at = unix_ns(session, Some(reading.t));
         let wrench =
             |force: Vector2<f64>| Cdr::new().header(at, FINGER).f64s([force.x, force.y, 0.0]).f64s([0.0, 0.0, 0.0]);
-        self.put(Kind::WrenchRaw, at, wrench(reading.force_finger));
+        self.tell(Kind::WrenchRaw, at, wrench(reading.force_finger));
         if let Some(bias) = self.derived.bias {
-            self.put(Kind::Wrench, at, wrench(reading.force_finger - bias));
+            self.tell(Kind::Wrench, at, wrench(reading.force_finger - bias));
         }
     }
 
@@ -159,7 +167,7 @@ impl Recording {
             },
         };
         let contact = Cdr::new().header(at, FINGER).f64(t).bool(is_measured).bool(is_touching).f64s(numbers);
-        self.put(Kind::Contact, at, contact);
+        self.tell(Kind::Contact, at, contact);
     }
 
     fn count(&mut self, session: &Session) {
@@ -176,7 +184,7 @@ impl Recording {
             "temperature_c": session.temperature_c(),
         });
         let (unix_ns, data) = (unix_ns(session, None), told.to_string().into_bytes());
-        self.disk.put(Item::Message { kind: Kind::Counters, unix_ns, data });
+        self.put(Kind::Counters, unix_ns, data);
     }
 
     fn believe(&mut self, at: u64, part: usize, felt_s: f64, hypotheses: &[Believed]) {
@@ -187,7 +195,7 @@ impl Recording {
             let covariance = (0..9).map(|place| entry(hypothesis, place / 3, place % 3));
             cdr.f64(hypothesis.probability).u32(edge).f64s([pose.x, pose.y, pose.theta]).f64s(covariance)
         });
-        self.put(Kind::Belief, at, belief);
+        self.tell(Kind::Belief, at, belief);
         let Some(best) = hypotheses.first() else { return };
         let pose = best.pose;
         let (sin, cos) = (0.5 * pose.theta).sin_cos();
@@ -197,11 +205,11 @@ impl Recording {
             _ => 0.0,
         });
         let stamped = Cdr::new().header(at, WORLD).f64s([pose.x, pose.y, 0.0]).f64s([0.0, 0.0, sin, cos]);
-        self.put(Kind::Pose, at, stamped.f64s(covariance));
+        self.tell(Kind::Pose, at, stamped.f64s(covariance));
         let transforms = Cdr::new().sequence(&[()], |cdr, ()| {
             cdr.header(at, WORLD).text(PART).f64s([pose.x, pose.y, 0.0]).f64s([0.0, 0.0, sin, cos])
         });
-        self.put(Kind::Transforms, at, transforms);
+        self.tell(Kind::Transforms, at, transforms);
     }
 }
 

@@ -1,15 +1,18 @@
 //! A run kept as it happens: everything that the session went by, and beside it what was made of it, for other tools.
 //!
-//! `channels`: what is in the file; `cdr`: how; `disk`: the thread that writes it; `derived`: forces, contacts, poses; `play`:
-//! a recording as a device. The container is [`palpate_files::mcap`].
+//! `channels`: what is in the file; `disk`: the thread that writes it; `derived`: forces, contacts, poses; `live`: these
+//! for who looks on with Foxglove's protocol, where that is built in; `play`: a recording as a device; `kept`: what was made of one, to look
+//! back at. The container is [`palpate_files::mcap`], messages are of its `cdr`.
 //!
 //! A process records one run, so the recording is the process's, as its terminal is. Whatever keeps it from being written
 //! is told once and ends the recording; the run goes on.
 
-mod cdr;
 mod channels;
 mod derived;
 mod disk;
+pub(crate) mod kept;
+#[cfg(feature = "foxglove")]
+mod live;
 pub(crate) mod play;
 
 use std::collections::BTreeMap;
@@ -21,10 +24,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use palpate_device::trace::{Entry, Recorder, Stamp, Traced};
 use palpate_files::mcap::Writer;
+use palpate_files::mcap::cdr::Cdr;
 use palpate_shared::wire::PROTOCOL;
 use sha2::{Digest as _, Sha256};
 
-use cdr::Cdr;
 use channels::Kind;
 use disk::{Disk, Item};
 
@@ -48,11 +51,49 @@ static ACTIVE: Mutex<Option<Recording>> = Mutex::new(None);
 /// The words of the command that is run.
 static COMMAND_LINE: Mutex<Vec<OsString>> = Mutex::new(Vec::new());
 
-/// A recording that is being written.
+/// What is made of a run: for a file, for who looks on, or for both.
 #[derive(Debug)]
 struct Recording {
-    disk: Disk,
+    disk: Option<Disk>,
+    #[cfg(feature = "foxglove")]
+    live: Option<live::Live>,
     derived: derived::Derived,
+}
+
+impl Recording {
+    fn new(is_full: bool) -> Self {
+        Self {
+            disk: None,
+            #[cfg(feature = "foxglove")]
+            live: None,
+            derived: derived::Derived::new(is_full),
+        }
+    }
+
+    /// Whether anybody may look on.
+    fn is_looked_on(&self) -> bool {
+        #[cfg(feature = "foxglove")]
+        let is = self.live.is_some();
+        #[cfg(not(feature = "foxglove"))]
+        let is = false;
+        is
+    }
+
+    /// Has a message written, and sent to who looks on.
+    fn put(&mut self, kind: Kind, unix_ns: u64, data: Vec<u8>) {
+        #[cfg(feature = "foxglove")]
+        if let Some(live) = &mut self.live {
+            live.put(kind, unix_ns, &data);
+        }
+        self.write(Item::Message { kind, unix_ns, data });
+    }
+
+    /// Has an item written.
+    fn write(&mut self, item: Item) {
+        if let Some(disk) = &mut self.disk {
+            disk.put(item);
+        }
+    }
 }
 
 fn active() -> MutexGuard<'static, Option<Recording>> {
@@ -97,34 +138,54 @@ pub(crate) fn begin_as(path: &Path, is_full: bool, words: &[OsString]) -> miette
     ]);
     writer.metadata(RUN, &run);
     let disk = Disk::start(writer, path).into_diagnostic()?;
-    *active() = Some(Recording { disk, derived: derived::Derived::new(is_full) });
+    let mut active = active();
+    let recording = active.get_or_insert_with(|| Recording::new(is_full));
+    recording.derived.is_full = is_full;
+    recording.disk = Some(disk);
     Ok(())
+}
+
+/// From now on who looks on with Foxglove's protocol is sent what a recording has, but for the bytes of the link; the port is
+/// told, of which 0 takes one that is free.
+#[cfg(feature = "foxglove")]
+pub(crate) fn look_on(at: std::net::SocketAddr) -> miette::Result<u16> {
+    let (live, port) = live::Live::start(at)?;
+    active().get_or_insert_with(|| Recording::new(false)).live = Some(live);
+    Ok(port)
 }
 
 /// The file of the recording that is being written.
 pub(crate) fn file() -> Option<PathBuf> {
-    active().as_ref().map(|recording| recording.disk.path().to_owned())
+    active().as_ref()?.disk.as_ref().map(|disk| disk.path().to_owned())
 }
 
 /// Whether a recording is being written.
 pub(crate) fn is_active() -> bool {
-    active().is_some()
+    active().as_ref().is_some_and(|recording| recording.disk.is_some())
 }
 
 /// Whether what is recorded is still being written.
 pub(crate) fn goes_on() -> bool {
-    active().as_ref().is_some_and(|recording| recording.disk.goes_on())
+    active().as_ref().and_then(|recording| recording.disk.as_ref()).is_some_and(Disk::goes_on)
 }
 
 /// Ends the recording, if there is one: all of it is on the disk then, and it is told how much.
 pub(crate) fn end() {
-    let Some(recording) = active().take() else { return };
-    recording.disk.end();
+    let mut active = active();
+    let disk = active.as_mut().and_then(|recording| recording.disk.take());
+    if !active.as_ref().is_some_and(Recording::is_looked_on) {
+        *active = None;
+    }
+    // The thread that writes may want it.
+    drop(active);
+    if let Some(disk) = disk {
+        disk.end();
+    }
 }
 
 /// What a session's entries go to; `None` without a recording.
 pub(crate) fn recorder() -> Option<Box<dyn Recorder>> {
-    active().is_some().then(|| Box::new(Tap) as Box<dyn Recorder>)
+    is_active().then(|| Box::new(Tap) as Box<dyn Recorder>)
 }
 
 /// Takes a session's entries down in the process's recording.
@@ -159,13 +220,14 @@ fn timed(host_ns: u64, told: &impl serde::Serialize) -> Vec<u8> {
 /// Has a message written.
 fn put(kind: Kind, unix_ns: u64, data: Vec<u8>) {
     if let Some(recording) = active().as_mut() {
-        recording.disk.put(Item::Message { kind, unix_ns, data });
+        recording.put(kind, unix_ns, data);
     }
 }
 
 /// Attaches what was read from a file; `role` says what for.
 pub(crate) fn attach(role: &str, path: &Path, bytes: &[u8]) {
-    let Some(recording) = &mut *active() else { return };
+    let mut active = active();
+    let Some(recording) = active.as_mut().filter(|recording| recording.disk.is_some()) else { return };
     let name = path.display().to_string();
     if bytes.len() > ATTACHED_BYTES_MAX {
         tracing::warn!("{name} is not attached to the recording: it is longer than {} MiB", ATTACHED_BYTES_MAX >> 20);
@@ -177,8 +239,8 @@ pub(crate) fn attach(role: &str, path: &Path, bytes: &[u8]) {
         ("bytes".to_owned(), bytes.len().to_string()),
         ("sha256".to_owned(), checksum(bytes)),
     ]);
-    recording.disk.put(Item::Metadata { name: ATTACHED, texts: facts });
-    recording.disk.put(Item::Attachment { name, data: bytes.to_vec(), unix_ns: Stamp::now().unix_ns });
+    recording.write(Item::Metadata { name: ATTACHED, texts: facts });
+    recording.write(Item::Attachment { name, data: bytes.to_vec(), unix_ns: Stamp::now().unix_ns });
 }
 
 /// SHA-256 in hexadecimal digits.

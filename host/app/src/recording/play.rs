@@ -10,13 +10,14 @@ use miette::WrapErr as _;
 use palpate_device::session::SessionOptions;
 use palpate_device::trace::{Entry, Traced};
 use palpate_device::{Address, PlaySpeed, Session};
+use palpate_files::mcap::cdr::CdrFields;
 use palpate_files::mcap::{Content, McapError, Reader};
 use serde::Deserialize;
 
-use super::cdr::link_bytes;
 use super::channels::Kind;
 use super::{ATTACHED, FORMAT, RUN, checksum};
 use crate::advice::Advise as _;
+use crate::progress;
 
 /// A file that was attached to a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -60,8 +61,9 @@ pub(crate) fn open(path: &Path, options: SessionOptions, speed: PlaySpeed) -> mi
     let address = Address::Recording(path.display().to_string());
     command_line(path).wrap_err_with(|| cannot(path))?;
     let opened = || Scan::open(path).map_err(not_read).wrap_err_with(|| cannot(path));
-    let (mut scan, played) = (opened()?, opened()?);
+    let (mut scan, mut played) = (opened()?, opened()?);
     scan.is_told = true;
+    played.shown = path.metadata().ok().map(|about| (about.len(), 0));
     let session = Session::open_recorded(&address, options, scan.by_ref(), Box::new(played), speed, super::recorder())
         .advised()?;
     *ATTACHMENTS.lock().unwrap_or_else(PoisonError::into_inner) = scan.attached;
@@ -127,6 +129,8 @@ struct Scan {
     attached: Vec<Attached>,
     /// Whether damage is told.
     is_told: bool,
+    /// Size of the file where it is told how far it is played, bytes; and how far it was told last.
+    shown: Option<(u64, u64)>,
 }
 
 /// What is found in a recording.
@@ -147,7 +151,7 @@ struct Timed<T> {
 impl Scan {
     fn open(path: &Path) -> Result<Self, McapError> {
         let (reader, path) = (Reader::open(path)?, path.to_owned());
-        Ok(Self { reader, path, facts: Vec::new(), attached: Vec::new(), is_told: false })
+        Ok(Self { reader, path, facts: Vec::new(), attached: Vec::new(), is_told: false, shown: None })
     }
 
     fn next_content(&mut self) -> Result<Option<Found>, McapError> {
@@ -167,13 +171,28 @@ impl Scan {
     }
 }
 
+impl Scan {
+    /// Shows how far it is played, where that is wanted: once a chunk.
+    fn show(&mut self) {
+        if let Some((size, told)) = &mut self.shown
+            && *told != self.reader.position()
+        {
+            *told = self.reader.position();
+            progress::reached(*told / 1000, *size / 1000, "replaying, kB");
+        }
+    }
+}
+
 impl Iterator for Scan {
     type Item = Entry;
 
     fn next(&mut self) -> Option<Entry> {
         loop {
             match self.next_content() {
-                Ok(Some(Found::Entry(entry))) => return Some(entry),
+                Ok(Some(Found::Entry(entry))) => {
+                    self.show();
+                    return Some(entry);
+                }
                 Ok(Some(Found::Metadata(name, texts))) if name == ATTACHED => self.facts.push(texts),
                 Ok(Some(Found::Metadata(..))) => {}
                 Ok(Some(Found::Attachment(name, data))) => self.attached.extend(attached(&self.facts, name, data)),
@@ -188,6 +207,12 @@ impl Iterator for Scan {
             }
         }
     }
+}
+
+/// The host's time and the bytes of a `palpate_msgs/msg/LinkBytes`; `None` if it is none.
+fn link_bytes(message: &[u8]) -> Option<(u64, &[u8])> {
+    let mut fields = CdrFields::of(message)?;
+    Some((fields.u64()?, fields.bytes()?))
 }
 
 /// The entry in a message.

@@ -12,6 +12,7 @@ use palpate::finger::contact::{Contact, Tare};
 use palpate::finger::judge::{Judged, Tally};
 use palpate::finger::monitor::MonitorLine;
 use palpate::finger::sense::Sensed;
+use palpate_device::Session;
 use palpate_device::session::SessionCounts;
 use palpate_shared::units::Counts;
 
@@ -48,6 +49,21 @@ pub(crate) struct Finger {
     pub(crate) unit: &'static str,
     /// Strain of a count, µm/m.
     pub(crate) microstrain_per_count: f64,
+}
+
+impl Finger {
+    /// The finger of this session.
+    pub(crate) fn of(session: &Session, unit: &'static str, microstrain_per_count: f64) -> Self {
+        let hello = session.hello();
+        Self {
+            device: hello.device.to_string(),
+            address: session.address().to_string(),
+            is_simulated: session.is_simulated(),
+            rate_hz: hello.rate_hz,
+            unit,
+            microstrain_per_count,
+        }
+    }
 }
 
 /// Whether samples come.
@@ -145,6 +161,8 @@ pub(crate) struct State {
     pub(crate) counts: SessionCounts,
     /// The board's, where it tells one.
     pub(crate) temperature_c: Option<f64>,
+    /// The board's digital inputs, a bit for each, where it tells them.
+    pub(crate) inputs: Option<u8>,
     /// The recording, if there is one.
     pub(crate) recording: Option<Recorded>,
     /// What was told last, the newest at the end.

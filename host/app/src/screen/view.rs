@@ -188,7 +188,8 @@ fn link_lines(state: &State) -> Vec<Line<'static>> {
             None => "tared earlier".to_owned(),
         },
     };
-    lines.push(Line::raw(tare));
+    let inputs = state.inputs.map_or(String::new(), |levels| format!(", inputs {levels:08b}"));
+    lines.push(Line::raw(tare + &inputs));
     lines.push(match &state.recording {
         Some(recording) if recording.goes_on => {
             let marks = match recording.marks {

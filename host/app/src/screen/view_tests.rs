@@ -60,6 +60,7 @@ fn pressed() -> State {
         tare: Some(tare),
         t: 18.0,
         temperature_c: Some(31.25),
+        inputs: None,
         counts: SessionCounts { samples: 72_000, missing: 16, damaged_frames: 2, ..SessionCounts::default() },
         recording: Some(Recorded { file: "run.mcap".to_owned(), since: 1.0, marks: 3, goes_on: true }),
         bridges: Some(Bridges {

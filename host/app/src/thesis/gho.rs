@@ -18,7 +18,7 @@ use palpate::math::statistics;
 use palpate::pushing::dynamics::{ContactLaw, ContactMode, EdgeEnd, Finger, Part, Push, PushModel, Start, State};
 use palpate::pushing::estimation::{Gho, GhoSettings};
 
-pub(super) use figures::{EXPERIMENT as FIGURES, figures};
+pub(super) use figures::{BASIN, EXPERIMENT as FIGURES, basin_figures, figures};
 
 use super::{Cell, Experiment, Table, TableSettings};
 

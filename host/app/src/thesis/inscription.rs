@@ -339,20 +339,24 @@ fn worst_case(_settings: &TableSettings) -> Table {
     table
 }
 
-/// Poses of a fan whose radius is at this share of the interval that the appendix allows.
+/// How many poses a fan has whose radius is at this share of the interval that the appendix allows.
 fn fan_poses(vertices: u32, share: f64) -> usize {
+    fan(vertices, share).3.len()
+}
+
+/// The same fan with its poses: its vertex 0, its outline, the three lines of an equilateral triangle of altitude 1, and
+/// the poses between them.
+pub(super) fn fan(vertices: u32, share: f64) -> (Point2<f64>, Vec<Point2<f64>>, [HalfPlane; 3], Vec<Pose>) {
     let step = FAN_ANGLE / f64::from(vertices - 2);
     let radius_max = (1.0 / (FRAC_PI_6 - FAN_ANGLE).cos()).min(1.0 / (step / 2.0).cos());
     let radius = 1.0 + share * (radius_max - 1.0);
     let arc =
         (0..vertices - 1).map(|k| radius * Vector2::new((step * f64::from(k)).cos(), (step * f64::from(k)).sin()));
     let points: Vec<_> = arc.chain([Vector2::zeros()]).map(Point2::from).collect();
-    let Some(part) = ConvexPolygon::hull_of_points(&points) else { return 0 };
     let lines = [0.0, 1.0, 2.0].map(|third| HalfPlane::new(TAU / 4.0 + third * TAU / 3.0, 1.0 / 3.0));
-    match poses(&part, &lines) {
-        Inscription::Poses(poses) => poses.len(),
-        Inscription::Underdetermined(_) => 0,
-    }
+    let found = ConvexPolygon::hull_of_points(&points).map(|part| poses(&part, &lines));
+    let found = if let Some(Inscription::Poses(poses)) = found { poses } else { Vec::new() };
+    (Point2::origin(), points, lines, found)
 }
 
 /// Errors and cones of the rows with noise: deg, and how many.

@@ -7,10 +7,12 @@
 //! looked at by itself: case `k` of a seed is always the same problem, whatever the number of cases.
 //! Only in `chain` and `chain_masses` a simulated device runs beside the host, and when it is pushed differs by milliseconds from run to run.
 //!
+//! The thesis's figures are in `figures`, each with a table of what it shows.
+//!
 //! By chapter: `inscription` (2), `sampling` (3), `gho` and `initial_pose` (6), `static_contacts` (§6.4), `rolling`
 //! (7); beyond the thesis: `pose` and `plan` (`rivals` decides what is ambiguous), `parts`, `chain` (`demonstration`,
 //! many times) and `chain_masses`, `carried` (planning and telling parts apart through it), `drawn_pushes`, `drawn_rest` and `drawn_rolls` (is the search to blame?), `invariances`, `touches`, `touch`. `cases` runs
-//! them on all processors, `progress` tells how far they are, `judged` holds what answers state against the truth.
+//! them on all processors, `progress` tells how far they are, `streamed` prints rows as they are done, `durations` has how long it takes, `judged` holds what answers state against the truth.
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
@@ -23,12 +25,16 @@ mod drawn_forces;
 mod drawn_pushes;
 mod drawn_rest;
 mod drawn_rolls;
+mod durations;
 mod explore;
+mod figures;
+mod finger_shapes;
 mod gho;
 mod initial_pose;
 mod inscription;
 mod invariances;
 mod judged;
+mod observability;
 mod parts;
 mod plan;
 mod pose;
@@ -38,11 +44,14 @@ mod rivals;
 mod rolling;
 mod sampling;
 pub mod static_contacts;
+pub(crate) mod streamed;
 mod touch;
 mod touches;
 
 use std::fmt;
 use std::num::NonZeroUsize;
+
+pub use figures::{ILLUSTRATIONS, Illustration, illustration};
 
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
@@ -66,6 +75,8 @@ pub const EXPERIMENTS: &[Experiment] = &[
     gho::KNOWN_EDGE,
     gho::UNKNOWN_EDGE,
     gho::SIDE_BY_SIDE,
+    gho::BASIN,
+    finger_shapes::EXPERIMENT,
     initial_pose::FRICTIONLESS,
     initial_pose::FRICTION,
     pose::CONTACTS,
@@ -88,6 +99,8 @@ pub const EXPERIMENTS: &[Experiment] = &[
     rolling::SEMI_AXES,
     rolling::WHICH,
     rolling::GHO,
+    observability::PUSHES,
+    observability::ROLLS,
     drawn_rolls::EXPERIMENT,
 ];
 
@@ -113,6 +126,14 @@ pub struct TableSettings {
     pub seed: u64,
     /// Cases at a time; none for one a processor.
     pub jobs: Option<NonZeroUsize>,
+}
+
+impl Experiment {
+    /// How long it takes with its own number of cases, s of one processor; none where nobody measured.
+    #[must_use]
+    pub fn processor_s(&self) -> Option<f64> {
+        durations::processor_s(self.name)
+    }
 }
 
 impl TableSettings {
@@ -182,8 +203,8 @@ impl Table {
     pub fn push(&mut self, cells: impl IntoIterator<Item = Cell>) {
         let mut cells: Vec<_> = cells.into_iter().collect();
         cells.resize(self.columns.len(), Cell::Empty);
-        progress::row_done(&cells.first().map(ToString::to_string).unwrap_or_default());
         self.rows.push(Row { columns: self.columns.clone(), cells });
+        progress::row_done(self);
     }
 
     /// The cells, row by row.
@@ -248,53 +269,77 @@ impl fmt::Display for Table {
         for definition in &self.definitions {
             writeln!(f, "{}", folded(definition))?;
         }
+        let widths = self.widths();
+        for (number, block) in blocks(&widths, 1..widths.len(), COLUMNS).into_iter().enumerate() {
+            let gap = if number > 0 { "\n" } else { "" };
+            write!(f, "{gap}{}\n{}", line(&self.headings(), &widths, &block), self.lines(0, &widths, &block))?;
+        }
+        write!(f, "{}", self.sentences())
+    }
+}
+
+/// What is printed of a table.
+impl Table {
+    /// Widths of the columns for all that they have.
+    fn widths(&self) -> Vec<usize> {
         let width = |column: usize, heading: &str| {
             let cells = self.rows().map(|row| row[column].to_string().chars().count());
             cells.max().unwrap_or(0).max(heading.chars().count())
         };
-        let widths: Vec<_> = self.columns.iter().enumerate().map(|(column, heading)| width(column, heading)).collect();
-        let headings: Vec<_> = self.columns.iter().map(|&heading| Cell::from(heading)).collect();
-        for (number, block) in blocks(&widths).into_iter().enumerate() {
-            if number > 0 {
-                writeln!(f)?;
-            }
-            for row in std::iter::once(headings.as_slice()).chain(self.rows()) {
-                writeln!(f, "{}", line(row, &widths, &block))?;
-            }
-        }
-        for note in &self.notes {
-            writeln!(f, "{}", folded(note))?;
-        }
-        for failure in &self.failures {
-            writeln!(f, "{}", folded(&format!("failed: {failure}")))?;
-        }
-        Ok(())
+        self.columns.iter().enumerate().map(|(column, heading)| width(column, heading)).collect()
+    }
+
+    fn headings(&self) -> Vec<Cell> {
+        self.columns.iter().map(|&heading| Cell::from(heading)).collect()
+    }
+
+    /// These columns of the rows from this one on.
+    fn lines(&self, from: usize, widths: &[usize], block: &[usize]) -> String {
+        self.rows().skip(from).fold(String::new(), |text, row| text + &line(row, widths, block) + "\n")
+    }
+
+    /// What stands out, and what failed.
+    fn sentences(&self) -> String {
+        let failures = self.failures.iter().map(|failure| format!("failed: {failure}"));
+        let sentences = self.notes.iter().cloned().chain(failures);
+        sentences.fold(String::new(), |text, sentence| text + &folded(&sentence) + "\n")
     }
 }
 
 /// Between two columns.
 const GAP: &str = "  ";
 
-/// Which columns stand beside each other: the first in every block, and as many of the others as a terminal has room for.
-fn blocks(widths: &[usize]) -> Vec<Vec<usize>> {
+/// Which of these columns stand beside each other: the first of all in every block, and as many as there is room for.
+fn blocks(widths: &[usize], columns: impl Iterator<Item = usize>, room: usize) -> Vec<Vec<usize>> {
     let mut blocks: Vec<Vec<usize>> = vec![(0..widths.len().min(1)).collect()];
     let width = |block: &[usize]| block.iter().map(|&column| widths[column] + GAP.len()).sum::<usize>();
-    for (column, own) in widths.iter().enumerate().skip(1) {
+    for column in columns {
         match blocks.last_mut() {
-            Some(block) if block.len() < 2 || width(block) + own <= COLUMNS => block.push(column),
+            Some(block) if block.len() < 2 || width(block) + widths[column] <= room => block.push(column),
             _ => blocks.push(vec![0, column]),
         }
     }
     blocks
 }
 
-/// The first column names the row and stands left; the others are compared and stand right.
+/// The first column names the row and stands left; the others are compared and stand right. A cell that is wider than its
+/// column takes what room its neighbours leave.
 fn line(cells: &[Cell], widths: &[usize], block: &[usize]) -> String {
-    let padded = block
-        .iter()
-        .map(|&column| (&cells[column], widths[column], column))
-        .map(|(cell, width, column)| if column == 0 { format!("{cell:<width$}") } else { format!("{cell:>width$}") });
-    padded.collect::<Vec<_>>().join(GAP).trim_end().to_owned()
+    let (mut text, mut used, mut end) = (String::new(), 0, 0);
+    for (place, &column) in block.iter().enumerate() {
+        let cell = cells[column].to_string();
+        let length = cell.chars().count();
+        end += widths[column];
+        if place > 0 {
+            end += GAP.len();
+            let gap = end.saturating_sub(used + length).max(GAP.len());
+            text += &" ".repeat(gap);
+            used += gap;
+        }
+        text += &cell;
+        used += length;
+    }
+    text
 }
 
 /// The experiment of this name.
@@ -303,10 +348,26 @@ pub fn find(name: &str) -> Option<&'static Experiment> {
     EXPERIMENTS.iter().find(|experiment| experiment.name == name)
 }
 
+/// The chapter of the thesis, or its appendix, that a table or figure belongs to by its name; none beyond the thesis.
+#[must_use]
+pub fn chapter(name: &str) -> Option<&str> {
+    let number = name.strip_prefix("figure-").unwrap_or(name);
+    let chapter = number.split(['.', '-']).next()?;
+    let is_chapter =
+        chapter.len() == 1 && chapter.chars().all(|c| ('1'..='8').contains(&c) || ('A'..='E').contains(&c));
+    is_chapter.then_some(chapter)
+}
+
 /// The figures of an experiment, with their names; none where it has none.
 #[must_use]
 pub fn figures(experiment: &Experiment, settings: &TableSettings) -> Option<Vec<(String, Figure)>> {
-    (experiment.name == gho::FIGURES.name).then(|| gho::figures(settings))
+    match experiment.name {
+        name if name == gho::FIGURES.name => Some(gho::figures(settings)),
+        name if name == gho::BASIN.name => Some(gho::basin_figures(settings)),
+        name if name == finger_shapes::EXPERIMENT.name => Some(finger_shapes::figures(settings)),
+        name if name == observability::PUSHES.name => Some(observability::figures(settings)),
+        _ => None,
+    }
 }
 
 /// Rows as JSON objects with the headings as keys.

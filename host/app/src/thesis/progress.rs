@@ -1,20 +1,17 @@
-//! What a table says on standard error while it is made: rows as they are done, and how long the one under way will take.
+//! What is told of a table while it is made: each row as it is done, and how far the one under way is.
 //!
-//! Told only between [`begin`] and [`end`]: whoever makes tables without a person at a terminal hears nothing.
+//! Told only between [`begin`] and [`end`]: whoever makes tables otherwise hears nothing.
 //!
-//! Units: s, of the wall's clock. Errors: none; what cannot be written is not told.
+//! Units: s, of the wall's clock. Errors: none.
 
-use std::io::Write as _;
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use crate::messages;
+use super::Table;
+use crate::progress;
 
-/// A row under way is first spoken of after this, s: shorter ones speak for themselves.
-const FIRST_S: f64 = 5.0;
-
-/// And then again so many times later.
-const LATER: f64 = 4.0;
+/// What is told of each row, as soon as the table has it.
+pub(crate) type TellRow = Box<dyn FnMut(&Table) + Send>;
 
 /// The table that is being made.
 static PRESENT: Mutex<Option<Present>> = Mutex::new(None);
@@ -22,62 +19,39 @@ static PRESENT: Mutex<Option<Present>> = Mutex::new(None);
 struct Present {
     begun: Instant,
     row_begun: Instant,
-    /// When the row under way is next spoken of, s since it began.
-    next_s: f64,
     rows: usize,
+    tell: TellRow,
 }
 
-/// From now on a table is made.
-pub(crate) fn begin(name: &str, cases: usize) {
+fn present() -> MutexGuard<'static, Option<Present>> {
+    PRESENT.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// From now on a table is made; `tell` gets it with each row that it has more.
+pub(crate) fn begin(tell: TellRow) {
     let now = Instant::now();
-    set(Some(Present { begun: now, row_begun: now, next_s: FIRST_S, rows: 0 }));
-    tell(&format!("table {name}: {cases} cases a row; rows are named here as they are done"));
+    *present() = Some(Present { begun: now, row_begun: now, rows: 0, tell });
 }
 
 /// It is made.
 pub(crate) fn end() {
-    set(None);
+    *present() = None;
 }
 
-/// A row of it is done.
-pub(super) fn row_done(name: &str) {
-    with(|present| {
-        present.rows += 1;
-        let (taken, all) = (present.row_begun.elapsed().as_secs_f64(), present.begun.elapsed().as_secs_f64());
-        tell(&format!("  row {}, {name}: {taken:.1} s, {all:.1} s in all", present.rows));
-        (present.row_begun, present.next_s) = (Instant::now(), FIRST_S);
-    });
+/// It has a row more.
+pub(super) fn row_done(table: &Table) {
+    let Some(present) = &mut *present() else { return };
+    present.rows += 1;
+    let (taken, all) = (present.row_begun.elapsed().as_secs_f64(), present.begun.elapsed().as_secs_f64());
+    (present.tell)(table);
+    tracing::info!("row {}: {taken:.1} s, {all:.1} s in all", present.rows);
+    present.row_begun = Instant::now();
+    progress::says(format!("row {}", present.rows + 1));
 }
 
 /// So many cases of the row under way are done.
 pub(super) fn cases_done(done: usize, of: usize) {
-    with(|present| {
-        let taken = present.row_begun.elapsed().as_secs_f64();
-        if taken < present.next_s || done == 0 {
-            return;
-        }
-        present.next_s = taken * LATER;
-        let left = taken / done as f64 * of.saturating_sub(done) as f64;
-        tell(&format!("  row {}: {done} of {of} cases in {taken:.0} s, some {left:.0} s to go", present.rows + 1));
-    });
-}
-
-fn set(present: Option<Present>) {
-    if let Ok(mut place) = PRESENT.lock() {
-        *place = present;
-    }
-}
-
-fn with(act: impl FnOnce(&mut Present)) {
-    if let Ok(mut place) = PRESENT.lock()
-        && let Some(present) = place.as_mut()
-    {
-        act(present);
-    }
-}
-
-fn tell(line: &str) {
-    if messages::notes_wanted() {
-        let _ = writeln!(std::io::stderr(), "{line}");
+    if let Some(present) = &*present() {
+        progress::reached(done as u64, of as u64, &format!("row {}, cases", present.rows + 1));
     }
 }

@@ -6,13 +6,16 @@ use std::time::{Duration, Instant};
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
+use palpate_firmware_core::ads131m::Ads131m;
 use palpate_firmware_core::sampler::IDLE_US;
 use palpate_firmware_core::{
     ConverterClock, Device, DeviceSettings, Identity, Queues, Sampler, SelectSource, SourceNotPossible,
 };
-use palpate_shared::sim::{CarriedBeam, Faults, FloatingBus, Load, PortBusy, Script, SimulatedFrontEnd, SpiPort};
+use palpate_shared::sim::{
+    CarriedBeam, Channels, Faults, FloatingBus, Load, PortBusy, Script, SimulatedFrontEnd, SpiPort,
+};
 use palpate_shared::units::DeviceTime;
-use palpate_shared::wire::{Axis, Bridge, Channel, ClockSource, DeviceId, RestartReason, Source};
+use palpate_shared::wire::{Axis, Bridge, Channel, ClockSource, DeviceId, FrontEndKind, RestartReason, Source};
 
 use super::outlet::Outlet;
 use super::robot::SimulatedRobot;
@@ -69,6 +72,7 @@ pub(super) enum Control {
     Script(Box<Script>, Sender<SimulatedMoment>),
     Course(CarriedCourse, Sender<SimulatedMoment>),
     Faults(Faults, Sender<SimulatedMoment>),
+    Inputs(u8, Sender<SimulatedMoment>),
     LinkFaults(LinkFaults, Sender<SimulatedMoment>),
     Injected(Sender<InjectedOnLink>),
     Now(Sender<SimulatedMoment>),
@@ -90,6 +94,14 @@ enum Ended {
 /// Runs the device until its owner is gone, over as many restarts as are ordered. The world goes on over a restart:
 /// what presses presses, what is broken stays broken.
 pub(super) fn run(config: &Config, outlet: Outlet, orders: &Receiver<Control>, epoch: Instant) {
+    match config.finger.channels {
+        Channels::Two => run_with::<2>(config, outlet, orders, epoch),
+        Channels::Four => run_with::<4>(config, outlet, orders, epoch),
+    }
+}
+
+/// The same on a converter of so many channels.
+fn run_with<const CHANNELS: usize>(config: &Config, outlet: Outlet, orders: &Receiver<Control>, epoch: Instant) {
     let front_end = RefCell::new(SimulatedFrontEnd::new(config.finger, config.seed));
     front_end.borrow_mut().set_faults(config.faults);
     let mut finger = CarriedBeam::new(config.finger.beam, config.carried);
@@ -104,7 +116,7 @@ pub(super) fn run(config: &Config, outlet: Outlet, orders: &Receiver<Control>, e
             started_ns: front_end.borrow().truth().time_ns,
             front_end: &front_end,
             finger: &mut finger,
-            sampler: Sampler::new(SimulatedOnly::new(&front_end), sampler_end, settings),
+            sampler: Sampler::new(Ads131m::<_, CHANNELS>::new(SimulatedOnly::new(&front_end)), sampler_end, settings),
             device: Device::new(identity(config, restarts), device_end),
             conversions: 0,
             looked_at: DeviceTime(0),
@@ -145,6 +157,10 @@ fn identity(config: &Config, restarts: u16) -> Identity {
         link_baud: config.baud.unwrap_or(0),
         restart: if restarts == 0 { RestartReason::PowerOn } else { RestartReason::Requested },
         restarts,
+        front_end: match config.finger.channels {
+            Channels::Two => FrontEndKind::Ads131m02,
+            Channels::Four => FrontEndKind::Ads131m04,
+        },
         converter_clock: ConverterClock::NOMINAL,
         excitation_mv,
         channels: [Axis::X, Axis::Y].map(|axis| Channel { axis, bridge: Bridge::Half }),
@@ -191,16 +207,20 @@ impl SelectSource for SimulatedOnly<'_> {
     fn is_simulated(&self) -> bool {
         true
     }
+
+    fn inputs(&self) -> u8 {
+        self.0.inputs()
+    }
 }
 
 /// A board: the firmware, and the world that its front-end stands in.
-struct Board<'w> {
+struct Board<'w, const CHANNELS: usize> {
     /// World time at which it started.
     started_ns: u64,
     front_end: &'w RefCell<SimulatedFrontEnd>,
     /// Beam and disk, which go on swinging over a restart.
     finger: &'w mut CarriedBeam,
-    sampler: Sampler<'w, SimulatedOnly<'w>>,
+    sampler: Sampler<'w, Ads131m<SimulatedOnly<'w>, CHANNELS>>,
     device: Device<'w, OUTBOX_BYTES>,
     conversions: u64,
     /// Device time at which the sampler last looked after its front-end.
@@ -215,7 +235,7 @@ struct Board<'w> {
     asked: Option<(u32, Sender<SimulatedMoment>)>,
 }
 
-impl Board<'_> {
+impl<const CHANNELS: usize> Board<'_, CHANNELS> {
     /// Lives until ordered otherwise.
     fn live(
         &mut self,
@@ -313,6 +333,10 @@ impl Board<'_> {
             }
             Control::Faults(faults, sender) => {
                 front_end.set_faults(faults);
+                sender
+            }
+            Control::Inputs(levels, sender) => {
+                front_end.set_inputs(levels);
                 sender
             }
             Control::LinkFaults(faults, sender) => {

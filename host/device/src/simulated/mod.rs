@@ -288,6 +288,15 @@ impl SimulatedDevice {
         self.ask(|answer| Control::Faults(faults, answer))
     }
 
+    /// Sets the levels of the board's eight digital inputs from now on, a bit for each; returns the moment from which
+    /// they hold.
+    ///
+    /// # Errors
+    /// If the device has ended.
+    pub fn set_inputs(&self, levels: u8) -> io::Result<SimulatedMoment> {
+        self.ask(|answer| Control::Inputs(levels, answer))
+    }
+
     /// Makes the way to the host worse or better.
     ///
     /// # Errors

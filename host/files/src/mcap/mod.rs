@@ -8,9 +8,11 @@
 //! Format: MCAP version 0 (magic `\x89MCAP0\r\n`), <https://mcap.dev/spec>. Integers are little-endian; a text is its length
 //! in 4 bytes and UTF-8. Times are nanoseconds since 1970.
 
+pub mod cdr;
 mod reader;
 mod record;
 mod recover;
+pub mod ros2;
 mod writer;
 
 #[cfg(test)]

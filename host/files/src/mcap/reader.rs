@@ -10,6 +10,9 @@ use std::path::Path;
 use super::record::{Fields, HEAD_BYTES, MAGIC, checked_texts, op, split};
 use super::writer::{Channel, LZ4};
 
+/// The compression of other tools' chunks.
+const ZSTD: &str = "zstd";
+
 /// Longest record that is read, bytes: a chunk of a second takes well under a megabyte.
 const RECORD_BYTES_MAX: u64 = 1 << 30;
 
@@ -37,7 +40,9 @@ pub enum McapError {
         at: u64,
     },
     /// A chunk is compressed in a way that is not known here.
-    #[error("the chunk at byte {at} is compressed with {compression}, which cannot be read here; only lz4 can")]
+    #[error(
+        "the chunk at byte {at} is compressed with {compression}, which cannot be read here; only lz4 and zstd can"
+    )]
     Compression {
         /// Where it begins.
         at: u64,
@@ -124,6 +129,12 @@ impl<R: Read> Reader<R> {
     #[must_use]
     pub fn channel(&self, number: u16) -> Option<&Channel> {
         self.channels.get(&number)
+    }
+
+    /// How much of the file is read, bytes.
+    #[must_use]
+    pub fn position(&self) -> u64 {
+        self.at
     }
 
     /// What comes next; `None` at the end.
@@ -271,6 +282,10 @@ pub(super) fn unpacked(content: &[u8], at: u64) -> Result<Vec<u8>, McapError> {
         LZ4 => {
             // No more than it says, whatever the damage makes of it.
             let decoder = lz4_flex::frame::FrameDecoder::new(packed);
+            decoder.take(length.min(RECORD_BYTES_MAX)).read_to_end(&mut records).map_err(|_| damaged())?;
+        }
+        ZSTD => {
+            let decoder = ruzstd::decoding::StreamingDecoder::new(packed).map_err(|_| damaged())?;
             decoder.take(length.min(RECORD_BYTES_MAX)).read_to_end(&mut records).map_err(|_| damaged())?;
         }
         other => return Err(McapError::Compression { at, compression: other.to_owned() }),

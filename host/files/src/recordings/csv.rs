@@ -4,6 +4,7 @@
 use nalgebra::Vector2;
 use palpate::finger::contact::Reading;
 
+use super::mapping::Mapping;
 use super::table::{self, Column, Quantity, Table};
 use super::{ReadError, RecordingProblem};
 
@@ -20,8 +21,20 @@ pub struct RecordedTable {
 
 const COLUMNS: [Column; 3] = [
     table::TIME,
-    Column { name: "Fx", names: &["fx", "f_x", "force_x", "force.x"], quantity: Quantity::FORCE },
-    Column { name: "Fy", names: &["fy", "f_y", "force_y", "force.y"], quantity: Quantity::FORCE },
+    Column {
+        key: "fx",
+        name: "Fx",
+        names: &["fx", "f_x", "force_x", "force.x"],
+        ends: &[".force.x"],
+        quantity: Quantity::FORCE,
+    },
+    Column {
+        key: "fy",
+        name: "Fy",
+        names: &["fy", "f_y", "force_y", "force.y"],
+        ends: &[".force.y"],
+        quantity: Quantity::FORCE,
+    },
 ];
 
 /// Reads a table.
@@ -29,7 +42,24 @@ const COLUMNS: [Column; 3] = [
 /// # Errors
 /// [`ReadError`] if not one reading could be got.
 pub fn parse(text: &str) -> Result<RecordedTable, ReadError> {
-    let Table { rows, problems, has_unit: [_, x, y] } = table::parse(text, &COLUMNS)?;
+    parse_with(text, &Mapping::default())
+}
+
+/// Reads a table whose columns a mapping names: `t`, `fx`, `fy`.
+///
+/// ```
+/// use palpate_files::recordings::{csv, mapping::Mapping};
+///
+/// let mapping = Mapping { decimal_comma: true, ..Mapping::parse("fx=-Kraft X [mN],fy=#3,t=Zeit")? };
+/// let reading = csv::parse_with("Zeit;Kraft X;Kraft Y\n0,5;1,5;-0,25", &mapping)?.readings[0];
+/// assert_eq!((reading.t, reading.force_finger.x, reading.force_finger.y), (0.5, -0.0015, -0.25));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// [`ReadError`] if not one reading could be got.
+pub fn parse_with(text: &str, mapping: &Mapping) -> Result<RecordedTable, ReadError> {
+    let Table { rows, problems, has_unit: [_, x, y] } = table::parse(text, &COLUMNS, mapping)?;
     let readings = rows.into_iter().map(|[t, x, y]| Reading::new(t, Vector2::new(x, y))).collect();
     Ok(RecordedTable { readings, problems, force_in_newtons: x && y })
 }
@@ -88,6 +118,46 @@ mod tests {
         assert!(matches!(parse("t,Fx,Fz\n0,1,2\n"), Err(ReadError::NoColumn { column: "Fy", .. })));
         assert!(matches!(parse("t,Fx [lbf],Fy\n0,1,2\n"), Err(ReadError::UnknownUnit { quantity: "force", .. })));
         assert!(matches!(parse("0,1\n2,3\n"), Err(ReadError::AllBad { lines: 2, .. })));
+    }
+
+    #[test]
+    fn names_as_robots_tools_write_them_are_known() {
+        let want = parse("1700000000,1,2\n1700000000.5,3,4\n").unwrap().readings;
+        let texts = [
+            // `rostopic echo -p`: ns.
+            "%time,field.header.seq,field.header.stamp,field.wrench.force.x,field.wrench.force.y,field.wrench.force.z\n\
+             1700000000000000000,1,1700000000000000000,1,2,0\n1700000000500000000,2,1700000000500000000,3,4,0\n",
+            // PlotJuggler: s.
+            "__time,/ft/wrench/force/x,/ft/wrench/force/y\n1700000000,1,2\n1700000000.5,3,4\n",
+            "stamp [ms];force.x;force.y\n1700000000000;1;2\n1700000000500;3;4",
+            "time,fx,fy\n2023-11-14T22:13:20Z,1,2\n2023-11-14 23:13:20.5+01:00,3,4\n",
+        ];
+        for text in texts {
+            let got = parse(text).unwrap();
+            assert_eq!((got.readings, got.problems), (want.clone(), Vec::new()), "{text}");
+        }
+        let two = "__time,/a/force/x,/b/force/x,/a/force/y,/b/force/y\n0,1,2,3,4\n";
+        let error = parse(two).unwrap_err();
+        assert!(matches!(error, ReadError::SeveralColumns { key: "fx", .. }), "{error}");
+        let mapping = Mapping::parse("fx=/b/force/x,fy=-/b/force/y").unwrap();
+        let force = parse_with(two, &mapping).unwrap().readings[0].force_finger;
+        assert_eq!(force, Vector2::new(2.0, -4.0));
+    }
+
+    #[test]
+    fn columns_are_told_by_name_or_number_with_their_units_and_signs() {
+        let read = |text: &str, mapping: &str| parse_with(text, &Mapping::parse(mapping).unwrap());
+        let want = parse("0,1,2\n0.5,3,-4e-1\n").unwrap().readings;
+        assert_eq!(read("0,9,1,-2000\n500,9,3,400\n", "t=#1[ms],fx=#3,fy=-#4[mN]").unwrap().readings, want);
+        let other = "stamp,up,along [mN]\n0,2,1000\n0.5,-0.4,3000\n";
+        assert_eq!(read(other, "fx=along,fy=up").unwrap().readings, want);
+        assert!(matches!(read(other, "fx=along,fy=down"), Err(ReadError::NoColumn { key: "fy", .. })));
+        assert!(matches!(read("0,1\n", "fy=#3"), Err(ReadError::NoColumn { key: "fy", .. })));
+        assert!(matches!(read(other, "fx=along,fy=up[lbf]"), Err(ReadError::UnknownUnit { .. })));
+        let comma = Mapping { decimal_comma: true, ..Mapping::default() };
+        for text in ["t;Fx;Fy\n0;1,0;2\n0,5;3;-0,4\n", "0\t1\t2\n0,5\t3,0\t-4e-1\n", "0 1 2\n0,5 3 -0,4"] {
+            assert_eq!(parse_with(text, &comma).unwrap().readings, want, "{text}");
+        }
     }
 
     proptest! {

@@ -1,7 +1,8 @@
 //! Recordings of force from files.
 //!
-//! Two formats: [`csv`], any table of time and two force components, and [`mlab`], the pushing logs of CMU's
-//! Manipulation Lab, with the block's and the fingertip's poses. Files come from others, so nothing in one is trusted:
+//! Three formats: [`csv`], any table of time and two force components ([`path`] has places instead), [`stamped`], the same
+//! as messages in MCAP files, and [`mlab`], the pushing logs of CMU's
+//! Manipulation Lab, with the block's and the fingertip's poses. A [`mapping`] says what is what in the first two. Files come from others, so nothing in one is trusted:
 //! what cannot be read is reported with its place and skipped, and the rest is read.
 //!
 //! [`session`] runs [`palpate::finger::contact`] over what was read, [`friction`] finds what it needs to know of the
@@ -16,11 +17,13 @@
 pub mod csv;
 pub mod export;
 pub mod friction;
+pub mod mapping;
 pub mod mlab;
 pub mod part;
 pub mod path;
 pub mod session;
 pub mod slow_pushes;
+pub mod stamped;
 pub(crate) mod table;
 
 #[cfg(test)]
@@ -52,13 +55,27 @@ pub enum ReadError {
     #[error("no line holds data")]
     Empty,
     /// The header lacks a column.
-    #[error("line {line}: the header has no column for {column} (it has: {found})")]
+    #[error("line {line}: {}", no_column(column, found))]
     NoColumn {
         /// Line of the header, from 1.
         line: usize,
         /// The column looked for.
         column: &'static str,
+        /// Its name in a mapping.
+        key: &'static str,
         /// The columns there are.
+        found: String,
+    },
+    /// Several columns of the header may be the one looked for.
+    #[error("line {line}: several columns may be the {column}: {found}")]
+    SeveralColumns {
+        /// Line of the header, from 1.
+        line: usize,
+        /// The column looked for.
+        column: &'static str,
+        /// Its name in a mapping.
+        key: &'static str,
+        /// Those that may be it.
         found: String,
     },
     /// A unit in the header is not known.
@@ -92,6 +109,13 @@ pub enum ReadError {
     /// A part's outline cannot be one.
     #[error("the outline of the part cannot be read: {0}")]
     Part(RecordingProblem),
+}
+
+fn no_column(column: &str, found: &str) -> String {
+    match found {
+        "" => format!("there is no header, and no such column for {column}"),
+        found => format!("the header has no column for {column} (it has: {found})"),
+    }
 }
 
 /// The formats that can be read.

@@ -3,6 +3,7 @@
 
 use nalgebra::Point2;
 
+use super::mapping::Mapping;
 use super::table::{self, Column, Quantity, Table};
 use super::{ReadError, RecordingProblem};
 
@@ -18,9 +19,21 @@ pub struct RecordedPath {
 }
 
 const COLUMNS: [Column; 3] = [
-    table::TIME,
-    Column { name: "x", names: &["x", "position_x", "position.x"], quantity: Quantity::LENGTH },
-    Column { name: "y", names: &["y", "position_y", "position.y"], quantity: Quantity::LENGTH },
+    table::PATH_TIME,
+    Column {
+        key: "x",
+        name: "x",
+        names: &["x", "position_x", "position.x"],
+        ends: &[".position.x", ".translation.x", ".point.x"],
+        quantity: Quantity::LENGTH,
+    },
+    Column {
+        key: "y",
+        name: "y",
+        names: &["y", "position_y", "position.y"],
+        ends: &[".position.y", ".translation.y", ".point.y"],
+        quantity: Quantity::LENGTH,
+    },
 ];
 
 /// Reads a table.
@@ -34,7 +47,15 @@ const COLUMNS: [Column; 3] = [
 /// # Errors
 /// [`ReadError`] if not one place could be got.
 pub fn parse(text: &str) -> Result<RecordedPath, ReadError> {
-    let Table { rows, problems, .. } = table::parse(text, &COLUMNS)?;
+    parse_with(text, &Mapping::default())
+}
+
+/// Reads a table whose columns a mapping names: `path_t`, `x`, `y`.
+///
+/// # Errors
+/// [`ReadError`] if not one place could be got.
+pub fn parse_with(text: &str, mapping: &Mapping) -> Result<RecordedPath, ReadError> {
+    let Table { rows, problems, .. } = table::parse(text, &COLUMNS, mapping)?;
     let (times, places) = rows.into_iter().map(|[t, x, y]| (t, Point2::new(x, y))).unzip();
     Ok(RecordedPath { times, places, problems })
 }

@@ -74,7 +74,7 @@ pub fn of_pushes(log: &Log, centre_of_mass: Point2<f64>, settings: &FilterSettin
         begins: report.t0,
         ends: report.t0 + report.duration,
         known: KnownPush {
-            felt: felt(push, report, settings.bin),
+            felt: logged(push, report, settings.bin),
             before: at_centre(&push.before, centre_of_mass),
             after: at_centre(&push.after, centre_of_mass),
         },
@@ -100,59 +100,190 @@ fn line(points: &[(f64, f64)]) -> [f64; 2] {
 struct Way {
     origin: Point2<f64>,
     direction: Vector2<f64>,
-    yaw: f64,
-    /// Travel at time `t0` and speed, m/s.
-    t0: f64,
-    travel: [f64; 2],
+    travel: Travel,
+    /// Travel at the last place, m.
+    end: f64,
+    /// How far places are off the straight line, rms, m.
+    aside: f64,
+}
+
+/// Travel over time.
+enum Travel {
+    /// At a constant speed: travel (m) at a time (s), and the speed (m/s).
+    Steady { t0: f64, travel: f64, speed: f64 },
+    /// Between these times (s) and travels (m), straight; before and after them at rest.
+    Told(Vec<(f64, f64)>),
 }
 
 impl Way {
-    fn of(tips: &[Tip]) -> Self {
-        let last = tips[tips.len() - 1];
-        let turn = tips.iter().map(|tip| palpate::math::angle::wrap_angle(tip.pose.yaw - last.pose.yaw));
-        let yaw = last.pose.yaw + mean(turn).unwrap_or(0.0);
+    /// Along these places (s, m), straight on from the first to the last; `axis` where they are one place.
+    fn of(places: &[(f64, Point2<f64>)], axis: Vector2<f64>) -> Self {
+        let (t0, last) = places[places.len() - 1];
         // Nearly along the way; the line through all rows says how nearly.
-        let gone = last.pose.position_world - tips[0].pose.position_world;
-        let axis = gone.try_normalize(0.0).unwrap_or_else(|| Rotation2::new(yaw) * Vector2::x());
+        let axis = (last - places[0].1).try_normalize(0.0).unwrap_or(axis);
         let left = Vector2::new(-axis.y, axis.x);
-        let from_last = |tip: &Tip| tip.pose.position_world - last.pose.position_world;
-        let places: Vec<_> = tips.iter().map(|tip| (from_last(tip).dot(&axis), from_last(tip).dot(&left))).collect();
-        let [off, slope] = line(&places);
+        let across: Vec<_> = places.iter().map(|(_, at)| ((at - last).dot(&axis), (at - last).dot(&left))).collect();
+        let [off, slope] = line(&across);
         let direction = (axis + left * slope).normalize();
-        let origin = Point2::from(last.pose.position_world + left * off);
+        let origin = last + left * off;
+        let aside =
+            (across.iter().map(|(x, y)| (y - off - slope * x).powi(2)).sum::<f64>() / across.len() as f64).sqrt();
+        let travels: Vec<_> = places.iter().map(|(t, at)| (*t, (at - last).dot(&direction))).collect();
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a small count")]
-        let steady = ((1.0 - STEADY_SHARE) * tips.len() as f64) as usize;
-        let t0 = last.t;
-        let times: Vec<_> = tips[steady..].iter().map(|tip| (tip.t - t0, from_last(tip).dot(&direction))).collect();
-        Self { origin, direction, yaw, t0, travel: line(&times) }
+        let steady = ((1.0 - STEADY_SHARE) * places.len() as f64) as usize;
+        let late: Vec<_> = travels[steady..].iter().map(|(t, travel)| (t - t0, *travel)).collect();
+        let [travel, speed] = line(&late);
+        Self { origin, direction, travel: Travel::Steady { t0, travel, speed }, end: travel, aside }
+    }
+
+    /// The same, but at the speed that the places tell, where it is not constant.
+    fn or_as_told(self, places: &[(f64, Point2<f64>)]) -> Self {
+        let told: Vec<_> = places.iter().map(|(t, at)| (*t, (at - self.origin).dot(&self.direction))).collect();
+        let moving =
+            |(_, travel): &&(f64, f64)| *travel - told[0].1 > STILL_M && told[told.len() - 1].1 - *travel > STILL_M;
+        let off: Option<f64> = mean(told.iter().filter(moving).map(|(t, travel)| (travel - self.travel(*t)).powi(2)));
+        if off.is_some_and(|square| square.sqrt() <= STEADY_M) {
+            return self;
+        }
+        Self { end: told[told.len() - 1].1, travel: Travel::Told(told), ..self }
     }
 
     fn travel(&self, t: f64) -> f64 {
-        self.travel[0] + self.travel[1] * (t - self.t0)
+        match &self.travel {
+            Travel::Steady { t0, travel, speed } => travel + speed * (t - t0),
+            Travel::Told(told) => {
+                let next = told.partition_point(|(time, _)| *time <= t).clamp(1, told.len() - 1);
+                let [(t0, from), (t1, to)] = [told[next - 1], told[next]];
+                from + (to - from) * ((t - t0) / (t1 - t0)).clamp(0.0, 1.0)
+            }
+        }
     }
 }
 
-fn felt(push: &LoggedPush, report: &RecordingReport, bin: f64) -> FeltPush {
-    let way = Way::of(&push.tips);
-    let travel_of = |t: f64| way.travel(report.t0 + t);
-    let end = way.travel(way.t0);
-    let onset = match (report.start, report.onset) {
-        (_, _) if report.bias.is_none() => Onset::Unknown,
-        (RecordingStart::InContact, _) => Onset::Before(travel_of(0.0)),
-        (_, Some(onset)) => Onset::At(travel_of(onset)),
-        (_, None) => Onset::Never(end),
+/// The first touch in time, s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FirstTouch {
+    /// It began then.
+    At(f64),
+    /// It touched already then.
+    Before(f64),
+    /// It did not touch.
+    Never,
+    /// The force's bias is not known.
+    Unknown,
+}
+
+/// Why places and forces are no slow push.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum NotStraight {
+    /// The finger stands still.
+    #[error("the finger goes {length_mm:.2} mm: a push is some millimetres at least")]
+    Still {
+        /// How far, mm.
+        length_mm: f64,
+    },
+    /// It turns.
+    #[error(
+        "the finger's places are {aside_mm:.2} mm rms off a straight line, at most {ASIDE_MM} mm can be a straight push: cut the path where it turns, and give each part as a push"
+    )]
+    Turns {
+        /// How far, mm.
+        aside_mm: f64,
+    },
+}
+
+/// A shorter way is no push, m.
+const LENGTH_LEAST_M: f64 = 1e-3;
+
+/// Places that are farther off a straight line than this, rms in mm, are not on one: robots are straight to a tenth of it.
+const ASIDE_MM: f64 = 0.5;
+
+/// Places that are nearer than this to a constant speed, rms, follow it, m: what steps of 0.1 mm and clocks leave.
+const STEADY_M: f64 = 0.1e-3;
+
+/// Nearer than this to the first or last place the finger may stand still, m.
+const STILL_M: f64 = 0.5e-3;
+
+/// A slow push as measured places of the disk's centre (s, m) and the force on the finger while it touches (s, N; the
+/// places' axes) tell it, forces averaged over stretches of `bin` (m).
+///
+/// # Errors
+/// [`NotStraight`].
+pub fn of_places(
+    places: &[(f64, Point2<f64>)],
+    touching: impl Iterator<Item = (f64, Vector2<f64>)>,
+    first: FirstTouch,
+    bin: f64,
+) -> Result<FeltPush, NotStraight> {
+    let length = match places {
+        [(_, from), .., (_, to)] => (to - from).norm(),
+        _ => 0.0,
     };
-    // Force on the part: against that on the finger.
-    let turn = Rotation2::new(way.yaw);
+    if length < LENGTH_LEAST_M {
+        return Err(NotStraight::Still { length_mm: length / MM });
+    }
+    let way = Way::of(places, Vector2::x());
+    let aside_mm = way.aside / MM;
+    if aside_mm > ASIDE_MM {
+        return Err(NotStraight::Turns { aside_mm });
+    }
+    let way = way.or_as_told(places);
+    let yaw = way.direction.y.atan2(way.direction.x);
+    Ok(felt(&way, yaw, touching.map(|(t, force)| (t, -force)), first, bin))
+}
+
+/// What a report of a recording says of the first touch, on the recording's own clock.
+#[must_use]
+pub fn first_touch(report: &RecordingReport) -> FirstTouch {
+    match (report.start, report.onset) {
+        (_, _) if report.bias.is_none() => FirstTouch::Unknown,
+        (RecordingStart::InContact, _) => FirstTouch::Before(report.t0),
+        (_, Some(onset)) => FirstTouch::At(report.t0 + onset),
+        (_, None) => FirstTouch::Never,
+    }
+}
+
+/// The force on the finger while it touches, in the report's axes.
+pub fn touching(report: &RecordingReport) -> impl Iterator<Item = (f64, Vector2<f64>)> + '_ {
     let readings = report.series.iter().filter(|row| row.touch.is_some());
-    let readings = readings.map(|row| (travel_of(row.t), -(turn * Vector2::from(row.force_finger))));
+    readings.map(|row| (report.t0 + row.t, Vector2::from(row.force_finger)))
+}
+
+/// A push of a log.
+fn logged(push: &LoggedPush, report: &RecordingReport, bin: f64) -> FeltPush {
+    let last = push.tips[push.tips.len() - 1].pose.yaw;
+    let turn = push.tips.iter().map(|tip| palpate::math::angle::wrap_angle(tip.pose.yaw - last));
+    let yaw = last + mean(turn).unwrap_or(0.0);
+    let places: Vec<_> = push.tips.iter().map(|tip: &Tip| (tip.t, Point2::from(tip.pose.position_world))).collect();
+    let turn = Rotation2::new(yaw);
+    let way = Way::of(&places, turn * Vector2::x());
+    // Force on the part: against that on the finger.
+    let forces = touching(report).map(|(t, force)| (t, -(turn * force)));
+    felt(&way, yaw, forces, first_touch(report), bin)
+}
+
+/// Forces on the part, world axes, averaged over stretches of the way.
+fn felt(
+    way: &Way,
+    yaw: f64,
+    forces_on_part: impl Iterator<Item = (f64, Vector2<f64>)>,
+    first: FirstTouch,
+    bin: f64,
+) -> FeltPush {
+    let end = way.end;
+    let onset = match first {
+        FirstTouch::Unknown => Onset::Unknown,
+        FirstTouch::Before(t) => Onset::Before(way.travel(t)),
+        FirstTouch::At(t) => Onset::At(way.travel(t)),
+        FirstTouch::Never => Onset::Never(end),
+    };
     let mut forces: Vec<FeltForce> = Vec::new();
     let mut held: Vec<Vector2<f64>> = Vec::new();
     let mut stretch = f64::NAN;
     let middle = |stretch: f64| end - (stretch + 0.5) * bin;
-    for (travel, force) in readings {
+    for (t, force) in forces_on_part {
         // Counted back from the end, so that nothing rests on where the log begins.
-        let here = ((end - travel) / bin).floor();
+        let here = ((end - way.travel(t)) / bin).floor();
         if (here - stretch).abs() > 0.0 || stretch.is_nan() {
             forces.extend(mean(held.drain(..)).map(|force| FeltForce { travel: middle(stretch), force }));
             stretch = here;
@@ -160,7 +291,7 @@ fn felt(push: &LoggedPush, report: &RecordingReport, bin: f64) -> FeltPush {
         held.push(force);
     }
     forces.extend(mean(held.drain(..)).map(|force| FeltForce { travel: middle(stretch), force }));
-    FeltPush { origin: way.origin, direction: way.direction, tool_yaw: way.yaw, end, onset, forces }
+    FeltPush { origin: way.origin, direction: way.direction, tool_yaw: yaw, end, onset, forces }
 }
 
 #[cfg(test)]
@@ -200,6 +331,41 @@ mod tests {
         assert!((last - wanted).norm() < 0.02, "{last}");
         assert!(felt.forces.windows(2).all(|pair| (pair[1].travel - pair[0].travel - 1e-3).abs() < 1e-9));
         assert!((pushes[0].known.before.x - 0.05).abs() < 1e-9 && (pushes[0].known.before.y - 0.05).abs() < 1e-9);
+    }
+
+    #[test]
+    fn places_and_forces_are_the_push_that_they_were() {
+        // Two seconds at rest, then to 5 mm/s in 1 s, on for 2 s, and braked in 0.5 s; along a slope of 3 to 4.
+        let travel = |t: f64| {
+            let (t, v) = (t - 2.0, 5e-3);
+            match t {
+                t if t < 0.0 => 0.0,
+                t if t < 1.0 => 0.5 * v * t * t,
+                t if t < 3.0 => v * (t - 0.5),
+                t => v * (2.5 + (t.min(3.5) - 3.0) - (t.min(3.5) - 3.0).powi(2)),
+            }
+        };
+        let direction = Vector2::new(0.6, 0.8);
+        let begin = Point2::new(0.1, -0.2);
+        let places: Vec<_> =
+            (0..1200).map(|k| f64::from(k) * 5e-3).map(|t| (t, begin + direction * travel(t))).collect();
+        let touching = (500..1100).map(|k| f64::from(k) * 5e-3).map(|t| (t, Vector2::new(-travel(t), 2.0)));
+        let felt = of_places(&places, touching, FirstTouch::At(2.5), 1e-3).unwrap();
+        assert!((felt.direction - direction).norm() < 1e-9);
+        let at = |travel: f64| felt.origin + felt.direction * travel;
+        let Onset::At(onset) = felt.onset else { panic!("{:?}", felt.onset) };
+        assert!((at(onset) - (begin + direction * travel(2.5))).norm() < 1e-6);
+        assert!((at(felt.end) - places[1199].1).norm() < 1e-9);
+        for force in &felt.forces[1..felt.forces.len() - 1] {
+            // A mean over a stretch of a force that rises by its travel: speeds within it differ.
+            let gone = (at(force.travel) - begin).norm();
+            assert!((force.force - Vector2::new(gone, -2.0)).norm() < 0.2e-3, "{force:?} {gone}");
+        }
+        let still = of_places(&places[..300], std::iter::empty(), FirstTouch::Never, 1e-3);
+        assert!(matches!(still, Err(NotStraight::Still { .. })), "{still:?}");
+        let bent = (0..200).map(|k| f64::from(k) * 1e-4).map(|x| (x, Point2::new(x, (x - 0.01).abs())));
+        let bent = of_places(&bent.collect::<Vec<_>>(), std::iter::empty(), FirstTouch::Never, 1e-3);
+        assert!(matches!(bent, Err(NotStraight::Turns { .. })), "{bent:?}");
     }
 
     #[test]

@@ -2,8 +2,10 @@
 //!
 //! Columns are separated by `;`, `,`, tab or blanks, whichever the first line of data or header has (in this order).
 //! A header is optional: names in any case, with units in brackets (`Fx [N]`, `t (ms)`), columns that are not needed
-//! are ignored. Without one the columns come in the order in which they are asked for. `#` starts a comment; blank lines,
-//! CR LF and a byte-order mark are fine.
+//! are ignored. Names as robots' tools write them are known by their ends (`field.wrench.force.x`,
+//! `/wrench/wrench/force/x`); a [`Mapping`] names any others. Without a header the columns come in the order in which they are
+//! asked for. `#` starts a comment; blank lines, CR LF and a byte-order mark are fine. Times may be dates (ISO 8601), then s since
+//! 1970; without a unit and so large that they can be nothing else they are ns since then.
 //!
 //! A line that cannot be read, or whose time is not after that of the rows kept, is reported and skipped. Which
 //! lines are out of order is decided over the whole file (the longest increasing run of times is kept), so that one
@@ -12,15 +14,22 @@
 //! Written by hand: a table of numbers needs no quoting rules, and the usual reader for this format knows neither
 //! blanks as separators nor lines to skip.
 
+use toml::value::{Datetime, Offset};
+
+use super::mapping::{Mapping, Place};
 use super::{ReadError, RecordingProblem, number, shorten};
 
 /// A column that is asked for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Column {
+    /// Its name in a [`Mapping`].
+    pub key: &'static str,
     /// Its name in messages.
     pub name: &'static str,
     /// Names by which it is known in a header, lower case.
     pub names: &'static [&'static str],
+    /// Ends of names by which it is known if it has none of those.
+    pub ends: &'static [&'static str],
     /// What it measures.
     pub quantity: Quantity,
 }
@@ -58,8 +67,19 @@ impl Quantity {
 }
 
 /// The time of a row.
-pub(crate) const TIME: Column =
-    Column { name: "time (t)", names: &["t", "time", "time_s", "timestamp", "stamp"], quantity: Quantity::TIME };
+pub(crate) const TIME: Column = Column {
+    key: "t",
+    name: "time (t)",
+    names: &["t", "time", "time_s", "timestamp", "stamp"],
+    ends: &[".header.stamp", ".stamp"],
+    quantity: Quantity::TIME,
+};
+
+/// The time of a place, where a mapping may tell it apart from that of a force.
+pub(crate) const PATH_TIME: Column = Column { key: "path_t", ..TIME };
+
+/// Times without a unit that are larger are ns since 1970: as s they would be three billion years.
+const NANOSECONDS_FROM: f64 = 1e17;
 
 /// What a table gave.
 #[derive(Clone, Debug, PartialEq)]
@@ -76,11 +96,15 @@ pub(crate) struct Table<const N: usize> {
 ///
 /// # Errors
 /// [`ReadError`] if not one row could be got.
-pub(crate) fn parse<const N: usize>(text: &str, wanted: &[Column; N]) -> Result<Table<N>, ReadError> {
+pub(crate) fn parse<const N: usize>(
+    text: &str,
+    wanted: &[Column; N],
+    mapping: &Mapping,
+) -> Result<Table<N>, ReadError> {
     let mut lines = text.lines().enumerate().map(|(i, line)| (i + 1, content(line))).filter(|(_, l)| !l.is_empty());
     let first = lines.clone().next().ok_or(ReadError::Empty)?;
-    let separator = Separator::of(first.1);
-    let columns = Columns::of(wanted, first.0, &separator.split(first.1))?;
+    let separator = Separator::of(first.1, mapping.decimal_comma);
+    let columns = Columns::of(wanted, mapping, first.0, &separator.split(first.1))?;
     if columns.is_named {
         lines.next();
     }
@@ -114,8 +138,10 @@ enum Separator {
 }
 
 impl Separator {
-    fn of(line: &str) -> Self {
-        [';', ',', '\t'].into_iter().find(|&c| line.contains(c)).map_or(Self::Blanks, Self::Character)
+    /// A comma within numbers is between none.
+    fn of(line: &str, decimal_comma: bool) -> Self {
+        let between = [';', ',', '\t'].into_iter().filter(|&c| !(decimal_comma && c == ','));
+        between.into_iter().find(|&c| line.contains(c)).map_or(Self::Blanks, Self::Character)
     }
 
     fn split(self, line: &str) -> Vec<&str> {
@@ -134,26 +160,43 @@ struct Columns<const N: usize> {
     has_unit: [bool; N],
     fields: usize,
     is_named: bool,
+    decimal_comma: bool,
 }
 
 impl<const N: usize> Columns<N> {
     /// From the first line: a header unless a field of it is a number.
-    fn of(wanted: &[Column; N], line: usize, fields: &[&str]) -> Result<Self, ReadError> {
-        let (mut places, mut scales, mut has_unit) = (std::array::from_fn(|i| i), [1.0; N], [false; N]);
-        if fields.iter().any(|field| field.parse::<f64>().is_ok()) {
-            return Ok(Self { places, scales, has_unit, fields: N, is_named: false });
-        }
-        let headings = headings(fields);
+    fn of(wanted: &[Column; N], mapping: &Mapping, line: usize, fields: &[&str]) -> Result<Self, ReadError> {
+        let decimal_comma = mapping.decimal_comma;
+        let is_number = |field: &&str| decimal(field, decimal_comma).parse::<f64>().is_ok();
+        let is_named = !fields.iter().any(is_number);
+        let headings = if is_named { headings(fields) } else { Vec::new() };
+        let is_told = wanted.iter().any(|column| mapping.source(column.key).is_some());
+        let count = match () {
+            () if is_named => headings.len(),
+            () if is_told => fields.len(),
+            () => N,
+        };
+        let mut columns =
+            Self { places: [0; N], scales: [1.0; N], has_unit: [false; N], fields: count, is_named, decimal_comma };
         for (i, column) in wanted.iter().enumerate() {
-            let place = headings.iter().position(|(name, _)| column.names.contains(&name.as_str()));
-            let found = || headings.iter().map(|(name, _)| shorten(name)).collect::<Vec<_>>().join(", ");
-            places[i] = place.ok_or_else(|| ReadError::NoColumn { line, column: column.name, found: found() })?;
-            if let Some(unit) = &headings[places[i]].1 {
-                scales[i] = column.quantity.scale(line, unit)?;
-                has_unit[i] = true;
+            let told = mapping.source(column.key);
+            columns.places[i] = match told.map(|source| &source.place) {
+                Some(Place::Number(number)) if *number <= count => number - 1,
+                Some(place) => place_of(place, &headings).ok_or_else(|| no_column(line, column, &headings))?,
+                None if is_named => known_place(column, line, &headings)?,
+                None => i,
+            };
+            let heading = headings.get(columns.places[i]);
+            let unit = told.and_then(|source| source.unit.as_ref()).or(heading.and_then(|(_, unit)| unit.as_ref()));
+            if let Some(unit) = unit {
+                columns.scales[i] = column.quantity.scale(line, unit)?;
+                columns.has_unit[i] = true;
+            }
+            if told.is_some_and(|source| source.is_negative) {
+                columns.scales[i] = -columns.scales[i];
             }
         }
-        Ok(Self { places, scales, has_unit, fields: headings.len(), is_named: true })
+        Ok(columns)
     }
 
     fn row(&self, fields: &[&str]) -> Result<[f64; N], (Option<usize>, String)> {
@@ -163,29 +206,103 @@ impl<const N: usize> Columns<N> {
         }
         let mut values = [0.0; N];
         for (i, value) in values.iter_mut().enumerate() {
-            let place = self.places[i];
-            *value = number(fields[place]).map_err(|message| (Some(place + 1), message))? * self.scales[i];
+            let field = fields[self.places[i]];
+            let read = number(&decimal(field, self.decimal_comma));
+            *value = match read {
+                Ok(time) if i == 0 && !self.has_unit[0] && time.abs() >= NANOSECONDS_FROM => time * 1e-9,
+                Ok(value) => value * self.scales[i],
+                Err(message) => match since_1970(field).filter(|_| i == 0) {
+                    Some(seconds) => seconds,
+                    None => return Err((Some(self.places[i] + 1), message)),
+                },
+            };
         }
         Ok(values)
     }
 }
 
-impl Quantity {
-    fn scale(&self, line: usize, unit: &str) -> Result<f64, ReadError> {
-        let Self { name: quantity, units, known } = *self;
-        let found = units.iter().find(|(name, _)| *name == unit);
-        found.map(|(_, scale)| *scale).ok_or_else(|| ReadError::UnknownUnit {
-            line,
-            unit: shorten(unit),
-            quantity,
-            known,
-        })
+/// A number as programs write it.
+fn decimal(field: &str, has_comma: bool) -> std::borrow::Cow<'_, str> {
+    if has_comma { field.replacen(',', ".", 1).into() } else { field.into() }
+}
+
+/// The column that a mapping names.
+fn place_of(place: &Place, headings: &[Heading]) -> Option<usize> {
+    match place {
+        Place::Number(_) => None,
+        Place::Name(name) => headings.iter().position(|(heading, _)| *heading == name.to_lowercase()),
     }
 }
 
+/// The column that is known by its name, or alone by its name's end.
+fn known_place(column: &Column, line: usize, headings: &[Heading]) -> Result<usize, ReadError> {
+    let bare = |name: &str| name.trim_start_matches(['%', '_', '/', '.']).replace('/', ".");
+    let names: Vec<_> = headings.iter().map(|(name, _)| bare(name)).collect();
+    if let Some(place) = names.iter().position(|name| column.names.contains(&name.as_str())) {
+        return Ok(place);
+    }
+    let ends = column.ends.iter().map(|end| {
+        let has_end = |(_, name): &(usize, &String)| name.ends_with(end) || *name == end.trim_start_matches('.');
+        names.iter().enumerate().filter(has_end).map(|(place, _)| place).collect::<Vec<_>>()
+    });
+    let found = ends.into_iter().find(|places| !places.is_empty()).unwrap_or_default();
+    match found[..] {
+        [place] => Ok(place),
+        [] => Err(no_column(line, column, headings)),
+        _ => {
+            let found = found.iter().map(|&place| shorten(&headings[place].0)).collect::<Vec<_>>().join(", ");
+            Err(ReadError::SeveralColumns { line, column: column.name, key: column.key, found })
+        }
+    }
+}
+
+fn no_column(line: usize, column: &Column, headings: &[Heading]) -> ReadError {
+    let found = headings.iter().map(|(name, _)| shorten(name)).collect::<Vec<_>>().join(", ");
+    ReadError::NoColumn { line, column: column.name, key: column.key, found }
+}
+
+/// A date with its time, s since 1970; without a zone it is taken for universal time.
+fn since_1970(text: &str) -> Option<f64> {
+    let Datetime { date: Some(date), time: Some(time), offset } = text.parse().ok()? else { return None };
+    // Howard Hinnant, "chrono-compatible low-level date algorithms", `days_from_civil`: years begin in March.
+    let (month, day) = (i64::from(date.month), i64::from(date.day));
+    let year = i64::from(date.year) - i64::from(month <= 2);
+    let (era, year_of_era) = (year.div_euclid(400), year.rem_euclid(400));
+    let day_of_year = (153 * (month + if month > 2 { -3 } else { 9 }) + 2) / 5 + day - 1;
+    let days = era * 146_097 + year_of_era * 365 + year_of_era / 4 - year_of_era / 100 + day_of_year - 719_468;
+    let minutes = match offset {
+        Some(Offset::Custom { minutes }) => i64::from(minutes),
+        Some(Offset::Z) | None => 0,
+    };
+    let of_day = i64::from(time.hour) * 3600 + (i64::from(time.minute) - minutes) * 60;
+    let second = i64::from(time.second.unwrap_or(0));
+    Some((days * 86_400 + of_day + second) as f64 + f64::from(time.nanosecond.unwrap_or(0)) * 1e-9)
+}
+
+impl Quantity {
+    /// What one of this unit is in SI.
+    pub(crate) fn in_si(&self, unit: &str) -> Option<f64> {
+        self.units.iter().find(|(name, _)| *name == unit).map(|(_, scale)| *scale)
+    }
+
+    /// What it is called, and its units.
+    pub(crate) fn told(&self) -> (&'static str, &'static str) {
+        (self.name, self.known)
+    }
+
+    fn scale(&self, line: usize, unit: &str) -> Result<f64, ReadError> {
+        let (quantity, known) = self.told();
+        let unknown = || ReadError::UnknownUnit { line, unit: shorten(unit), quantity, known };
+        self.in_si(unit).ok_or_else(unknown)
+    }
+}
+
+/// Name and unit of a column.
+type Heading = (String, Option<String>);
+
 /// Name (lower case) and unit of each column. Where blanks separate, a unit in brackets is a field of its own.
-fn headings(fields: &[&str]) -> Vec<(String, Option<String>)> {
-    let mut headings: Vec<(String, Option<String>)> = Vec::new();
+fn headings(fields: &[&str]) -> Vec<Heading> {
+    let mut headings: Vec<Heading> = Vec::new();
     for field in fields {
         let (name, unit) = match field.find(['[', '(']) {
             Some(open) => (field[..open].trim(), Some(field[open + 1..].trim_end_matches([']', ')']).trim())),

@@ -49,19 +49,24 @@ pub(crate) fn corners_to_rounding(vertices: &[Point2<f64>]) -> Vec<usize> {
     corners_within(vertices, FLAT_RELATIVE)
 }
 
+/// The vertices that are enough to stay within a distance (m) of an outline, in order, by their indices, and how far the
+/// others are from the straight pieces between these, m.
+///
+/// # Panics
+/// Without vertices.
+#[must_use]
+pub fn simplified(vertices: &[Point2<f64>], within: f64) -> (Vec<usize>, f64) {
+    let line = Outline { vertices, flat: within, flat_rounded: within };
+    let kept = line.corners();
+    let next = kept.iter().cycle().skip(1);
+    let off = kept.iter().zip(next).filter_map(|(from, to)| line.farthest_off(*from, *to)).map(|(_, off)| off);
+    let off = off.fold(0.0, f64::max);
+    (kept, off)
+}
+
 fn corners_within(vertices: &[Point2<f64>], flat_rounded_relative: f64) -> Vec<usize> {
     let extent = extent_of(vertices);
-    let middle = centroid_of(vertices);
-    // The vertex that is farthest from any point is a corner.
-    let first = farthest(vertices, middle);
-    let second = farthest(vertices, vertices[first]);
-    let line = Outline { vertices, flat: FLAT_RELATIVE * extent, flat_rounded: flat_rounded_relative * extent };
-    let mut found = vec![first];
-    line.split(first, second, &mut found);
-    line.split(second, first, &mut found);
-    line.leave_out_flat(&mut found);
-    found.sort_unstable();
-    if found.len() < 3 { (0..vertices.len()).collect() } else { found }
+    Outline { vertices, flat: FLAT_RELATIVE * extent, flat_rounded: flat_rounded_relative * extent }.corners()
 }
 
 /// The vertex farthest from a point.
@@ -79,6 +84,20 @@ struct Outline<'a> {
 }
 
 impl Outline<'_> {
+    /// The vertices that are no flat ones, in order.
+    fn corners(&self) -> Vec<usize> {
+        let middle = centroid_of(self.vertices);
+        // The vertex that is farthest from any point is a corner.
+        let first = farthest(self.vertices, middle);
+        let second = farthest(self.vertices, self.vertices[first]);
+        let mut found = vec![first];
+        self.split(first, second, &mut found);
+        self.split(second, first, &mut found);
+        self.leave_out_flat(&mut found);
+        found.sort_unstable();
+        if found.len() < 3 { (0..self.vertices.len()).collect() } else { found }
+    }
+
     /// The vertices strictly between two, counter-clockwise.
     fn between(&self, from: usize, to: usize) -> impl Iterator<Item = usize> + use<> {
         let n = self.vertices.len();
@@ -250,6 +269,22 @@ mod tests {
         let kept: Vec<_> = corners(&circle).iter().map(|i| circle[*i]).collect();
         let area = SimplePolygon::new(kept).unwrap().area();
         assert!((area / std::f64::consts::PI - 1.0).abs() < 1e-6, "{area}");
+    }
+
+    #[test]
+    fn a_fine_circle_is_simplified_to_within_what_is_allowed() {
+        let at = |i: u32| f64::from(i) / 720.0 * std::f64::consts::TAU;
+        let circle: Vec<_> = (0..720).map(|i| Point2::new(at(i).cos(), at(i).sin()) * 0.03).collect();
+        let (kept, off) = simplified(&circle, 5e-5);
+        assert!(off <= 5e-5 && off > 1e-6, "{off}");
+        // Equal chords would be 55.
+        assert!((55..130).contains(&kept.len()), "{}", kept.len());
+        let kept: Vec<_> = kept.iter().map(|i| circle[*i]).collect();
+        let n = kept.len();
+        for point in &circle {
+            let near = (0..n).map(|i| distance_to_segment(*point, kept[i], kept[(i + 1) % n])).fold(1.0, f64::min);
+            assert!(near <= off + 1e-15, "{near} {off}");
+        }
     }
 
     #[test]

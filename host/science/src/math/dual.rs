@@ -14,8 +14,8 @@ use std::fmt::Debug;
 use std::iter::Sum;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A number that formulas are written for.
-pub trait Number:
+/// What every number has: enough for rational functions and roots.
+pub trait Arithmetic:
     Copy
     + Debug
     + PartialEq
@@ -26,28 +26,29 @@ pub trait Number:
     + Sub<Output = Self>
     + Mul<Output = Self>
     + Div<Output = Self>
-    + Add<f64, Output = Self>
-    + Sub<f64, Output = Self>
-    + Mul<f64, Output = Self>
-    + Div<f64, Output = Self>
-    + Sum
 {
-    /// The number without derivatives.
+    /// The number without derivatives, the nearest there is.
     fn re(&self) -> f64;
     /// Its square root, derivatives included.
     #[must_use]
     fn sqrt(&self) -> Self;
-    /// Its sine and cosine, as an angle in rad.
-    fn sin_cos(&self) -> (Self, Self);
     /// 1 over it, derivatives included.
     #[must_use]
     fn recip(&self) -> Self;
+}
+
+/// A number that formulas are written for.
+pub trait Number:
+    Arithmetic + Add<f64, Output = Self> + Sub<f64, Output = Self> + Mul<f64, Output = Self> + Div<f64, Output = Self> + Sum
+{
+    /// Its sine and cosine, as an angle in rad.
+    fn sin_cos(&self) -> (Self, Self);
     /// Its power by a whole number.
     #[must_use]
     fn powi(&self, exponent: i32) -> Self;
 }
 
-impl Number for f64 {
+impl Arithmetic for f64 {
     #[inline]
     fn re(&self) -> f64 {
         *self
@@ -59,13 +60,15 @@ impl Number for f64 {
     }
 
     #[inline]
-    fn sin_cos(&self) -> (f64, f64) {
-        f64::sin_cos(*self)
-    }
-
-    #[inline]
     fn recip(&self) -> f64 {
         f64::recip(*self)
+    }
+}
+
+impl Number for f64 {
+    #[inline]
+    fn sin_cos(&self) -> (f64, f64) {
+        f64::sin_cos(*self)
     }
 
     #[inline]
@@ -77,7 +80,7 @@ impl Number for f64 {
 /// A number with its derivatives.
 ///
 /// ```
-/// use palpate::math::{Jet, Number};
+/// use palpate::math::{Arithmetic, Jet};
 ///
 /// let [x, y] = [Jet::variable(3.0, 0), Jet::<2>::variable(4.0, 1)];
 /// let distance = (x * x + y * y).sqrt();
@@ -92,7 +95,7 @@ pub struct Jet<const N: usize, T = f64> {
     pub slopes: [T; N],
 }
 
-impl<const N: usize, T: Number> Jet<N, T> {
+impl<const N: usize, T: Arithmetic> Jet<N, T> {
     /// A number that depends on nothing.
     #[must_use]
     #[inline]
@@ -116,7 +119,7 @@ impl<const N: usize, T: Number> Jet<N, T> {
 
 /// Slopes `a·p + b·q`.
 #[inline]
-fn blend<const N: usize, T: Number>(a: [T; N], p: T, b: [T; N], q: T) -> [T; N] {
+fn blend<const N: usize, T: Arithmetic>(a: [T; N], p: T, b: [T; N], q: T) -> [T; N] {
     let mut sum = a;
     for (sum, b) in sum.iter_mut().zip(b) {
         *sum = *sum * p + b * q;
@@ -124,7 +127,7 @@ fn blend<const N: usize, T: Number>(a: [T; N], p: T, b: [T; N], q: T) -> [T; N] 
     sum
 }
 
-impl<const N: usize, T: Number> Number for Jet<N, T> {
+impl<const N: usize, T: Arithmetic> Arithmetic for Jet<N, T> {
     #[inline]
     fn re(&self) -> f64 {
         self.value.re()
@@ -137,15 +140,17 @@ impl<const N: usize, T: Number> Number for Jet<N, T> {
     }
 
     #[inline]
-    fn sin_cos(&self) -> (Self, Self) {
-        let (sin, cos) = self.value.sin_cos();
-        (self.chain(sin, cos), self.chain(cos, -sin))
-    }
-
-    #[inline]
     fn recip(&self) -> Self {
         let value = self.value.recip();
         self.chain(value, -value * value)
+    }
+}
+
+impl<const N: usize, T: Number> Number for Jet<N, T> {
+    #[inline]
+    fn sin_cos(&self) -> (Self, Self) {
+        let (sin, cos) = self.value.sin_cos();
+        (self.chain(sin, cos), self.chain(cos, -sin))
     }
 
     #[inline]
@@ -154,14 +159,14 @@ impl<const N: usize, T: Number> Number for Jet<N, T> {
     }
 }
 
-impl<const N: usize, T: Number> From<f64> for Jet<N, T> {
+impl<const N: usize, T: Arithmetic> From<f64> for Jet<N, T> {
     #[inline]
     fn from(value: f64) -> Self {
         Self::constant(T::from(value))
     }
 }
 
-impl<const N: usize, T: Number> Neg for Jet<N, T> {
+impl<const N: usize, T: Arithmetic> Neg for Jet<N, T> {
     type Output = Self;
 
     #[inline]
@@ -170,7 +175,7 @@ impl<const N: usize, T: Number> Neg for Jet<N, T> {
     }
 }
 
-impl<const N: usize, T: Number> Add for Jet<N, T> {
+impl<const N: usize, T: Arithmetic> Add for Jet<N, T> {
     type Output = Self;
 
     #[inline]
@@ -181,7 +186,7 @@ impl<const N: usize, T: Number> Add for Jet<N, T> {
     }
 }
 
-impl<const N: usize, T: Number> Sub for Jet<N, T> {
+impl<const N: usize, T: Arithmetic> Sub for Jet<N, T> {
     type Output = Self;
 
     #[inline]
@@ -192,7 +197,7 @@ impl<const N: usize, T: Number> Sub for Jet<N, T> {
     }
 }
 
-impl<const N: usize, T: Number> Mul for Jet<N, T> {
+impl<const N: usize, T: Arithmetic> Mul for Jet<N, T> {
     type Output = Self;
 
     #[inline]
@@ -202,7 +207,7 @@ impl<const N: usize, T: Number> Mul for Jet<N, T> {
     }
 }
 
-impl<const N: usize, T: Number> Div for Jet<N, T> {
+impl<const N: usize, T: Arithmetic> Div for Jet<N, T> {
     type Output = Self;
 
     #[inline]

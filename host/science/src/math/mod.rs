@@ -4,6 +4,7 @@
 //! - [`least_squares`]: the one damped descent (Levenberg and Marquardt); [`ode`]: the one Runge–Kutta step;
 //!   `dormand_prince`: the one error-controlled step; `rosenbrock`: the one for what is stiff; `roots`: zeros of a function on an interval;
 //! - [`Spectrum`] (`spectrum`): rank and unseen directions of a system; [`statistics`]: means, percentiles, quantiles;
+//! - [`twofold`]: twice the digits, and power series, for verdicts that must not rest on rounding;
 //! - `unscented`: a Gaussian through a function that is not straight;
 //! - [`random`]: numbers and polygons from a seed; [`BitSet`], [`BitMatrix`] (`bits`): sets of small numbers;
 //! - `arrays`: vectors and matrices as plain arrays in files.
@@ -20,8 +21,9 @@ pub(crate) mod roots;
 pub(crate) mod rosenbrock;
 mod spectrum;
 pub mod statistics;
+pub mod twofold;
 pub(crate) mod unscented;
 
 pub use bits::{BitMatrix, BitRow, BitSet};
-pub use dual::{Jet, Number};
+pub use dual::{Arithmetic, Jet, Number};
 pub use spectrum::{RANK_THRESHOLD, Spectrum};

@@ -5,7 +5,7 @@
 //! - `circle`: the middle of a region, as far from its boundary as can be;
 //! - `discriminate`: the fewest elements that tell sets apart, proven;
 //! - `plan`: all of it put together; `decode`: which polygon it is, from what the points read;
-//! - [`scenes`]: random polygons as the thesis drew them.
+//! - [`scenes`]: random polygons as the thesis drew them; [`reductions`]: polygons made of sets, graphs of graphs, as in its proofs.
 //!
 //! Decisions about segments depend on no tolerance (`geometry::exact`); sets of small numbers are `math::BitSet`.
 //!
@@ -16,6 +16,7 @@ mod circle;
 mod decode;
 mod discriminate;
 mod plan;
+pub mod reductions;
 pub mod scenes;
 mod subdivision;
 

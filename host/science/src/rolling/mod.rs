@@ -47,3 +47,5 @@ pub use tracker::{Report, RollTracker, Tracked};
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod theorems;

@@ -174,7 +174,7 @@ fn feel(inputs: Inputs, g: f64, time: f64) -> Vector3<f64> {
 }
 
 /// Theorem 32 at the contact of a state.
-fn sufficient_condition(model: &Model, state: &RollState) -> SufficientCondition {
+pub(super) fn sufficient_condition(model: &Model, state: &RollState) -> SufficientCondition {
     let normal = state.normal();
     let local = model.body.shape().local(&normal, &Vector3::zeros());
     let (contact, size) = (local.contact, model.body.size());
@@ -215,7 +215,7 @@ fn sufficient_condition(model: &Model, state: &RollState) -> SufficientCondition
 }
 
 /// Principal directions x, y with x × y = z, and the radii of curvature along them, the larger first.
-fn principal(normal: &Vector3<f64>, hessian: &Matrix3<f64>) -> ([Vector3<f64>; 2], [f64; 2]) {
+pub(super) fn principal(normal: &Vector3<f64>, hessian: &Matrix3<f64>) -> ([Vector3<f64>; 2], [f64; 2]) {
     let seed = Vector3::ith(normal.iamin(), 1.0);
     let a = normal.cross(&seed).normalize();
     let b = normal.cross(&a);

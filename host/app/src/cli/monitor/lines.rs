@@ -5,6 +5,7 @@ use std::io::{self, Write as _};
 use palpate::finger::contact::{Contact, ContactReading, detector};
 use palpate::finger::monitor::MonitorLine;
 use palpate::finger::sense::Sensed;
+use palpate_device::session::InputLevels;
 use palpate_device::{Incoming, Session};
 use serde_json::{Value, json};
 
@@ -14,6 +15,10 @@ use crate::live;
 /// What happened beside the samples: for a person on standard error, for a program in the stream.
 pub(super) fn tell(json: bool, incoming: &Incoming) {
     if !json {
+        if let Incoming::Inputs(inputs) = incoming {
+            // If nobody reads, the next line of samples finds out.
+            let _ = write_line(&inputs_in_words(inputs));
+        }
         return crate::cli::tell(incoming);
     }
     let what = match incoming {
@@ -24,10 +29,31 @@ pub(super) fn tell(json: bool, incoming: &Incoming) {
             json!({ "link": "back", "after_s": after.as_secs_f64(), "missing_counted": countable })
         }
         Incoming::Restarted(_) => json!({ "device": "started anew; its settings were restored" }),
-        Incoming::Samples(_) | Incoming::Temperature(_) => return,
+        Incoming::Inputs(inputs) => json!({
+            "t": inputs_t(inputs), "inputs": inputs.levels, "changes": inputs.changes,
+        }),
+        Incoming::Force(force) => json!({
+            "t": force.time_us as f64 * 1e-6, "device_force": force.force_finger, "agrees": force.agrees,
+        }),
+        Incoming::Samples(_) | Incoming::Temperature(_) | Incoming::SlowChannels(_) => return,
     };
     // If nobody reads, the next line of samples finds out.
     let _ = write_line(&what.to_string());
+}
+
+/// When inputs were first read so, device time in s.
+fn inputs_t(inputs: &InputLevels) -> f64 {
+    inputs.time_us as f64 * 1e-6
+}
+
+/// Digital inputs for a person, input 0 on the right.
+pub(super) fn inputs_in_words(inputs: &InputLevels) -> String {
+    let changes = match inputs.changes {
+        0 => "at the start".to_owned(),
+        1 => "one change".to_owned(),
+        changes => format!("{changes} changes"),
+    };
+    format!("{:9.3} s  inputs 7..0: {:08b}, {changes}", inputs_t(inputs), inputs.levels)
 }
 
 /// Writes a line at once: somebody waits for it.

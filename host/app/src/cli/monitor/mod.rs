@@ -1,19 +1,19 @@
 //! `palpate monitor`.
 
+mod device_force;
 mod lines;
-mod watch;
+pub(super) mod watch;
 
 use std::process::ExitCode;
 
 use miette::IntoDiagnostic as _;
-use palpate::finger::contact::{Averaging, ContactSettings, Tare};
 use palpate::finger::judge::CountsJudge;
-use palpate::finger::sense;
 use palpate_device::Session;
 
 use super::calibrated::{CalibrationArguments, KeptTare, OffsetArguments};
 use super::device::DeviceArguments;
 use super::lacking;
+use super::tared::{self, Untared};
 use crate::advice::Advise as _;
 use crate::live::{self, interrupt};
 use crate::recording;
@@ -86,6 +86,10 @@ pub(crate) struct Arguments {
     /// Say at the end how long samples took to become angles
     #[arg(long)]
     latency: bool,
+
+    /// Have the device compute forces as well, and hold each against its samples
+    #[arg(long)]
+    device_force: bool,
 }
 
 /// The screen is told of readings at this rate, Hz: twice as often as it is drawn.
@@ -96,35 +100,39 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     arguments.device.begin_recording()?;
     let mut session = arguments.device.open(true)?;
     let calibration = arguments.calibration.require(&session)?;
-    let front_end = live::front_end(session.hello()).advised()?;
-    let settings = ContactSettings { bias_walk: sense::bias_walk(&calibration, &front_end), ..settings(arguments) };
-    settings.check().into_diagnostic()?;
+    let settings = tared::settings(arguments.mounting_deg.to_radians(), arguments.mu_c, arguments.average_ms);
+    let finger = Untared::new(&session, calibration, settings, arguments.offset)?;
     live::start(&mut session).advised()?;
     session.ping().advised()?;
-    let unit = calibration.unit().symbol();
-    let mut judge = CountsJudge::new(&calibration);
+    let unit = finger.unit();
+    let mut judge = CountsJudge::new(&finger.calibration);
     let kept = match &arguments.tare_file {
         Some(file) => Some(KeptTare::load(file, &session, unit)?),
         None => None,
     };
     // Only now: what went wrong before is told on the terminal as it is.
-    let screen =
-        if arguments.is_screen() { Some(shown(&session, unit, front_end.microstrain_per_count())?) } else { None };
+    let screen = if arguments.is_screen() { Some(shown(&session, &finger)?) } else { None };
     let tare = match kept {
         Some(kept) => kept,
         None => {
             note!("{}taring for {} s: keep the finger free", super::simulated_note(&session), arguments.tare);
-            let offset = arguments.offset.expected(&calibration, &front_end);
-            live::tare(&mut session, &mut judge, arguments.tare, &settings, offset, super::tell).advised()?
+            let offset = finger.expected_offset();
+            live::tare(&mut session, &mut judge, arguments.tare, &finger.settings, offset, super::tell).advised()?
         }
     };
-    report_tare(&tare, unit);
+    tared::report(&tare, unit);
     let kept = KeptTare::new(&session, unit, tare);
     kept.attach();
     if let Some(file) = &arguments.keep_tare {
         kept.save(file)?;
     }
-    let tared = Tared::new(calibration, front_end, settings, tare)?;
+    if arguments.device_force {
+        let matrix = device_force::matrix(&finger.calibration, &tare)?;
+        session.stop().advised()?;
+        session.set_device_forces(Some(matrix)).advised()?;
+        live::start(&mut session).advised()?;
+    }
+    let tared = Tared::new(finger, tare)?;
     let mut watch = Watch::new(arguments, tared, judge, screen)?;
     let is_read = loop {
         let watched = watch.watch(&mut session);
@@ -138,29 +146,25 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
             Ended::ToRecord => session = watch.recorded_from_here(session)?,
         }
     };
+    if arguments.device_force {
+        session.set_device_forces(None).advised()?;
+    }
     let lacked = watch.tally();
     // What is told from here on is for the terminal as it was.
     drop(watch);
     tell_counts(&session);
+    let forces_hold = !arguments.device_force || device_force::holds(&session);
     lacking::tell("since the tare", &lacked);
     if !is_read {
         recording::end();
         std::process::exit(super::EXIT_BROKEN_PIPE);
     }
-    Ok(lacking::status(&lacked))
+    Ok(if forces_hold { lacking::status(&lacked) } else { ExitCode::FAILURE })
 }
 
 /// A screen for this device, before anything is felt.
-fn shown(session: &Session, unit: &'static str, microstrain_per_count: f64) -> miette::Result<Screen> {
-    let hello = session.hello();
-    let finger = Finger {
-        device: hello.device.to_string(),
-        address: session.address().to_string(),
-        is_simulated: session.is_simulated(),
-        rate_hz: hello.rate_hz,
-        unit,
-        microstrain_per_count,
-    };
+fn shown(session: &Session, finger: &Untared) -> miette::Result<Screen> {
+    let finger = Finger::of(session, finger.unit(), finger.front_end.microstrain_per_count());
     let recording = recording::file().map(|file| Recorded {
         file: file.display().to_string(),
         since: 0.0,
@@ -171,7 +175,8 @@ fn shown(session: &Session, unit: &'static str, microstrain_per_count: f64) -> m
     Screen::start(state).into_diagnostic()
 }
 
-fn tell_counts(session: &Session) {
+/// Tells what the session counted.
+pub(super) fn tell_counts(session: &Session) {
     let counts = session.counts();
     let newer = match counts.unknown_messages {
         0 => String::new(),
@@ -200,28 +205,4 @@ impl Arguments {
         let is_played = self.device.is_recording() && !self.device.has_speed();
         !self.plain && !self.json && !is_played && terminal::is_there()
     }
-}
-
-fn settings(arguments: &Arguments) -> ContactSettings {
-    ContactSettings {
-        mounting_angle: arguments.mounting_deg.to_radians(),
-        contact_friction: arguments.mu_c,
-        averaging: if arguments.average_ms > 0.0 {
-            Averaging::Seconds(arguments.average_ms * 1e-3)
-        } else {
-            Averaging::Off
-        },
-        ..ContactSettings::default()
-    }
-}
-
-fn report_tare(tare: &Tare, unit: &str) {
-    note!(
-        "tare ({:.4}, {:.4}) {unit} from {} samples; noise of one reading ({:.4}, {:.4}) {unit}",
-        tare.bias.x,
-        tare.bias.y,
-        tare.samples,
-        tare.sample_covariance[(0, 0)].sqrt(),
-        tare.sample_covariance[(1, 1)].sqrt(),
-    );
 }

@@ -8,20 +8,21 @@ use std::path::Path;
 use std::time::{Instant, SystemTime};
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
-use palpate::finger::calibration::{Calibration, FrontEnd};
-use palpate::finger::contact::{ContactSettings, Tare, TareError};
+use palpate::finger::contact::Tare;
 use palpate::finger::judge::{CountsJudge, Judged, Tally};
 use palpate::finger::monitor::{ContactMonitor, MonitorLine};
-use palpate::finger::rest::{RestStretch, check_offset};
+use palpate::finger::rest::RestStretch;
 use palpate::finger::sense::FingerSense;
 use palpate_device::trace::Input;
 use palpate_device::{Incoming, Session};
+use palpate_shared::wire::Request;
 
 use super::super::calibrated::KeptTare;
 use super::super::latency::Latency;
 use super::super::replay;
+use super::super::tared::{self, Untared};
 use super::lines::{as_json, in_words, tell, write_line};
-use super::{Arguments, SCREEN_HZ, report_tare};
+use super::{Arguments, SCREEN_HZ};
 use crate::advice::{self, Advise as _};
 use crate::live::{self, LiveError};
 use crate::recording;
@@ -32,39 +33,26 @@ use crate::screen::terminal::{Screen, Wish};
 pub(crate) const INPUTS: &str = "monitor";
 
 /// The wish for a new tare; over how many seconds follows.
-const TARE: &str = "tare ";
+pub(crate) const TARE: &str = "tare ";
 
 /// What a mark begins with; its number follows.
 pub(crate) const MARK: &str = "mark";
 
 /// A finger with its tare, and what it takes to tare it again.
 pub(super) struct Tared {
-    calibration: Calibration,
-    front_end: FrontEnd,
-    settings: ContactSettings,
+    finger: Untared,
     sense: FingerSense,
 }
 
 impl Tared {
     /// This finger with this tare.
-    pub(super) fn new(
-        calibration: Calibration,
-        front_end: FrontEnd,
-        settings: ContactSettings,
-        tare: Tare,
-    ) -> miette::Result<Self> {
-        let sense = FingerSense::new(Some(calibration.clone()), tare, &settings).into_diagnostic()?;
-        Ok(Self { calibration, front_end, settings, sense })
+    pub(super) fn new(finger: Untared, tare: Tare) -> miette::Result<Self> {
+        let sense = finger.tared(tare)?;
+        Ok(Self { finger, sense })
     }
 
     fn unit(&self) -> &'static str {
-        self.calibration.unit().symbol()
-    }
-
-    /// Has the recording know what forces are less.
-    fn record(&self) {
-        recording::tared(self.unit(), Some(self.sense.tare().bias));
-        recording::sensing(&self.sense);
+        self.finger.unit()
     }
 }
 
@@ -102,7 +90,6 @@ impl<'a> Watch<'a> {
         judge: CountsJudge,
         screen: Option<Screen>,
     ) -> miette::Result<Self> {
-        tared.record();
         let hz = if screen.is_some() { SCREEN_HZ } else { arguments.print_hz };
         let period_s = if hz > 0.0 { hz.recip() } else { 0.0 };
         let monitor = ContactMonitor::new(tared.sense.clone(), period_s);
@@ -212,6 +199,7 @@ impl<'a> Watch<'a> {
             self.show(|state| {
                 lines.iter().for_each(|line| state.take_line(line));
                 (state.counts, state.temperature_c) = (session.counts(), session.temperature_c());
+                state.inputs = session.inputs().map(|inputs| inputs.levels);
                 if let Some(recording) = &mut state.recording {
                     recording.goes_on = recording::goes_on();
                 }
@@ -287,22 +275,9 @@ impl<'a> Watch<'a> {
     }
 
     /// Takes samples for a new tare, if one is being taken, and puts it to use once it is done.
-    fn rest(&mut self, session: &Session, judged: &[Judged]) -> miette::Result<()> {
-        let Some(resting) = &mut self.resting else { return Ok(()) };
-        let mut outcome = None;
-        for item in judged {
-            match resting.take(item) {
-                Ok(false) => {}
-                Ok(true) => outcome = Some(Ok(())),
-                Err(error) => outcome = Some(Err(error)),
-            }
-            if outcome.is_some() {
-                break;
-            }
-        }
-        let Some(outcome) = outcome else { return Ok(()) };
-        let readings = self.resting.take().map(|rest| rest.readings().to_vec()).unwrap_or_default();
-        match outcome.and_then(|()| self.judged_tare(&readings)) {
+    fn rest(&mut self, session: &mut Session, judged: &[Judged]) -> miette::Result<()> {
+        let Some(rested) = tared::rested(&mut self.resting, judged) else { return Ok(()) };
+        match rested.and_then(|readings| self.tared.finger.tare(&readings)) {
             Ok(tare) => self.put_to_use(session, tare),
             Err(error) => {
                 note!("no new tare, the one before stays: {error}");
@@ -312,21 +287,14 @@ impl<'a> Watch<'a> {
         }
     }
 
-    fn judged_tare(&self, readings: &[palpate::finger::contact::Reading]) -> Result<Tare, TareError> {
-        let Tared { calibration, front_end, settings, .. } = &self.tared;
-        let tare = Tare::estimate(readings, &settings.tare_settings())?;
-        if let Some((calibration, front_end)) = self.arguments.offset.expected(calibration, front_end) {
-            check_offset(&tare.bias, calibration, front_end)?;
+    fn put_to_use(&mut self, session: &mut Session, tare: Tare) -> miette::Result<()> {
+        if self.arguments.device_force {
+            let tare = super::device_force::matrix(&self.tared.finger.calibration, &tare)?.tare;
+            session.request(Request::SetForceTare { tare }).advised()?;
         }
-        Ok(tare)
-    }
-
-    fn put_to_use(&mut self, session: &Session, tare: Tare) -> miette::Result<()> {
-        let Tared { calibration, front_end, settings, .. } = &self.tared;
-        self.tared = Tared::new(calibration.clone(), *front_end, *settings, tare)?;
-        self.tared.record();
+        self.tared.sense = self.tared.finger.tared(tare)?;
         self.monitor.set_sense(self.tared.sense.clone());
-        report_tare(&tare, self.tared.unit());
+        tared::report(&tare, self.tared.unit());
         let kept = KeptTare::new(session, self.tared.unit(), tare);
         kept.attach();
         self.show_tare(false);
@@ -348,8 +316,8 @@ impl<'a> Watch<'a> {
         KeptTare::new(&session, self.tared.unit(), *self.tared.sense.tare()).attach();
         live::start(&mut session).advised()?;
         session.ping().advised()?;
-        self.tared.record();
-        self.judge = CountsJudge::new(&self.tared.calibration);
+        self.tared.finger.record(&self.tared.sense);
+        self.judge = CountsJudge::new(&self.tared.finger.calibration);
         self.monitor.set_sense(self.tared.sense.clone());
         (self.resting, self.marks) = (None, 0);
         note!("recording in {file}");

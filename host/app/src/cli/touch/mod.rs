@@ -22,6 +22,7 @@ use super::library::read_library;
 use super::touch_world::{Area, area_mm, pose_mm, read_part};
 use super::{not_negative, positive};
 use crate::advice::Advise as _;
+use crate::progress::Progress;
 pub(crate) use carriers::advice;
 use carriers::{Carrier, Speeds};
 use told::{SoughtPart, Told};
@@ -266,7 +267,9 @@ pub(super) fn locate(
     approaches_max: usize,
 ) -> miette::Result<ExitCode> {
     for number in 1.. {
+        let choosing = Progress::begin("choosing the next line");
         let next = sought.next();
+        drop(choosing);
         let is_given_up = next.is_some() && number > approaches_max;
         let Some(next) = next.filter(|_| !is_given_up) else {
             return sought.end(told, number - 1, is_given_up).map(ExitCode::from);

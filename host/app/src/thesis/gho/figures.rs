@@ -17,7 +17,7 @@ use palpate::pushing::dynamics::{ContactMode, Finger, Part, State};
 
 use super::{Attempt, Case, Cell, Experiment, NEGLIGIBLE, STEP, STEPS_MAX, Table, TableSettings, ZETA, state};
 use crate::pictures::observer::{Moment, ObserverPicture};
-use crate::pictures::plot::Figure;
+use crate::pictures::plot::{Chart, Colour, Figure};
 
 /// The pushes of figures 6.1 to 6.4.
 pub(in crate::thesis) const EXPERIMENT: Experiment = Experiment {
@@ -79,6 +79,21 @@ const PRINTED: [Printed; 2] = [
         followed_s: 0.5,
     },
 ];
+
+/// Gains, and first guesses of the place, of the basin: how many along the edge, and up to which angular velocity off.
+const GAINS: [f64; 8] = [2.0, 4.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0];
+/// See [`GAINS`].
+const GUESSES: u32 = 60;
+/// See [`GAINS`], rad/s.
+const OMEGAS_OFF: [f64; 3] = [0.0, 0.5, 1.0];
+
+/// How local the observer is, for the push of figure 6.1.
+pub(in crate::thesis) const BASIN: Experiment = Experiment {
+    name: "basin",
+    title: "first guesses from which the thesis's observer follows the 7-gon of figure 6.1, by gain",
+    cases: 5000,
+    run: basin,
+};
 
 /// A push that the observer follows.
 struct Followed {
@@ -194,6 +209,77 @@ fn run(settings: &TableSettings) -> Table {
         ]);
     }
     table
+}
+
+/// Of one gain and one error of ω at first, the guesses of s (m) with whether the observer comes to follow from there.
+fn guesses(printed: &Printed, case: &Case, zeta: f64, omega_off: f64) -> Vec<(f64, bool)> {
+    let inside = 0.02 * (EDGE[1] - EDGE[0]);
+    (0..GUESSES)
+        .map(|k| {
+            let share = f64::from(k) / f64::from(GUESSES - 1);
+            let s = EDGE[0] + inside + share * (EDGE[1] - EDGE[0] - 2.0 * inside);
+            let truth = case.truth[0];
+            let start = State { s, omega: truth.omega + omega_off, ..truth };
+            let estimates = case.observed(Attempt { edge: case.edge, start, zeta }, STEPS_MAX);
+            let is_near =
+                |step: usize| estimates.get(step).is_some_and(|estimate| case.negligible(estimate, &case.truth[step]));
+            (s, (printed.steps + 1 - FOLLOWED..=printed.steps).all(is_near))
+        })
+        .collect()
+}
+
+fn basin(settings: &TableSettings) -> Table {
+    let mut table = Table::new(["gain ζ 1/s", "ω right", "ω 0.5 rad/s off", "ω 1 rad/s off", "farthest s off mm"]);
+    table.definitions = [
+        format!("The push of figure 6.1 (its 7-gon, drawn from the seed). First guesses: u right, s at {GUESSES} places along the edge, ω off by so much. Share of them from which u, s and ω are right for the last {:.1} s of the push of {:.2} s; a larger gain goes faster and overshoots. farthest: the largest error of s from which it follows, ω right.", STEP * FOLLOWED as f64, STEP * PRINTED[0].steps as f64),
+        super::RUN.to_owned(),
+    ]
+    .to_vec();
+    let printed = &PRINTED[0];
+    let Some(followed) = printed.drawn(settings.seed, settings.cases) else {
+        table.failures.push(format!("of {} drawn none was followed", settings.cases));
+        return table;
+    };
+    let case = &followed.case;
+    for zeta in GAINS {
+        let found = OMEGAS_OFF.map(|off| guesses(printed, case, zeta, off));
+        let share = |found: &[(f64, bool)]| Cell::share(found.iter().filter(|guess| guess.1).count(), found.len());
+        let farthest =
+            found[0].iter().filter(|guess| guess.1).map(|guess| (guess.0 - case.truth[0].s).abs()).fold(0.0, f64::max);
+        table.push([
+            Cell::number(zeta, 0),
+            share(&found[0]),
+            share(&found[1]),
+            share(&found[2]),
+            Cell::number(1e3 * farthest, 1),
+        ]);
+    }
+    table
+}
+
+/// Which first guesses lead to the truth, by gain.
+pub(in crate::thesis) fn basin_figures(settings: &TableSettings) -> Vec<(String, Figure)> {
+    let printed = &PRINTED[0];
+    let Some(followed) = printed.drawn(settings.seed, settings.cases) else { return Vec::new() };
+    let caption = [
+        "Each dot is a first guess of the place on the edge (across) with a gain (up): blue, the observer follows the 7-gon of figure 6.1".to_owned(),
+        "in the end; red, it does not. See where small gains are too slow for 0.71 s, and how far large ones reach before they overshoot.".to_owned(),
+    ];
+    let mut chart = Chart::new("", ["first guess of s [mm]", "gain ζ [1/s]"]);
+    for (follows, name, colour) in [(true, "follows", Colour::BLUE), (false, "does not", Colour::VERMILLION)] {
+        let dots: Vec<_> = GAINS
+            .iter()
+            .flat_map(|&zeta| {
+                guesses(printed, &followed.case, zeta, 0.0).into_iter().map(move |(s, is_near)| (s, zeta, is_near))
+            })
+            .filter(|(.., is_near)| *is_near == follows)
+            .map(|(s, zeta, _)| [1e3 * s, zeta])
+            .collect();
+        chart.dots(name, &dots, colour);
+    }
+    chart.instant(1e3 * followed.case.truth[0].s, "true");
+    let figure = Figure::new("How local is the thesis's observer?", 760.0, 480.0).subtitles(&caption);
+    vec![("basin".to_owned(), figure.column(1.0, vec![chart.into()]))]
 }
 
 /// The figures of a seed with their names.

@@ -6,6 +6,7 @@
 //!
 //! Units: as the columns' headings say. Errors: [`RealError`].
 
+mod figures;
 mod summary;
 mod tasks;
 
@@ -25,6 +26,7 @@ pub(crate) use self::summary::table;
 pub(crate) use self::tasks::Answer;
 use self::tasks::{Judge, RealLog};
 use super::cases;
+use crate::pictures::plot::Figure;
 
 /// The block of the recordings: right-angled, legs of 150 mm.
 const BLOCK_M: [[f64; 2]; 3] = [[0.0, 0.0], [0.15, 0.0], [0.0, 0.15]];
@@ -199,6 +201,21 @@ impl Recordings {
             |answers: &Vec<Answer>| tell(answers.as_slice()),
         );
         answered.into_iter().flatten().collect()
+    }
+
+    /// Pictures of these answers: what is not explained by log, place and direction, and the blind chain with the worst
+    /// answer around it.
+    pub(crate) fn figures(&self, answers: &[Answer]) -> Vec<(String, Figure)> {
+        let mut figures = vec![("real-errors".to_owned(), figures::errors(&self.logs, answers))];
+        let worst = answers.iter().filter(|answer| answer.task == "d" && answer.push > figures::SETTLED);
+        let worst = worst.max_by(|a, b| figures::size(a).total_cmp(&figures::size(b)));
+        let log = worst.and_then(|worst| self.logs.iter().find(|log| log.log.name == worst.log).zip(Some(worst)));
+        if let Some((Readied { log, scene, .. }, worst)) = log {
+            let judge =
+                Judge { log, scene, settings: FilterSettings::STANDARD, seed: worst.seed, log_seed: hash(&log.name) };
+            figures.push(("real-film".to_owned(), figures::film(&judge, worst.push)));
+        }
+        figures
     }
 
     /// Pieces of work.

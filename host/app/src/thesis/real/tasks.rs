@@ -241,9 +241,15 @@ impl Judge<'_> {
 
     /// Task `d`.
     pub(crate) fn blind(&self) -> Vec<Answer> {
+        let mut answers = Vec::new();
+        self.follow_blind(|answer, _| answers.push(answer));
+        answers
+    }
+
+    /// Task `d`, with the cloud after each push.
+    pub(crate) fn follow_blind(&self, mut tell: impl FnMut(Answer, &Cloud)) {
         let mut draw = self.draw(4, 0);
         let mut cloud: Option<Cloud> = None;
-        let mut answers = Vec::new();
         for push in 0..self.pushes().len() {
             let before = match &cloud {
                 None => self.boxed(push),
@@ -252,10 +258,9 @@ impl Judge<'_> {
             };
             let felt = &self.pushes()[push].known.felt;
             let after = self.filter().push(&before, felt, &ParameterBelief::default(), &mut draw);
-            answers.push(self.answer("d", push, &after.cloud, &mut draw));
+            tell(self.answer("d", push, &after.cloud, &mut draw), &after.cloud);
             cloud = Some(after.cloud);
         }
-        answers
     }
 }
 

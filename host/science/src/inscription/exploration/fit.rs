@@ -1,72 +1,19 @@
-//! Touches in the order around a part, fitted by sides and corners.
+//! The outline that touches in their order around a part make: sides, corners, and what joins single touches.
 //!
 //! Frames: world. Units: m, rad. Errors: none.
 
-use std::f64::consts::PI;
+use std::f64::consts::FRAC_PI_2;
 
-use nalgebra::{Matrix2, Point2, Vector2};
+use nalgebra::{Point2, Vector2};
 
+use super::sides::{BELONGS_SD, Element, SIGMA_LEAST, Sides, Touched, turn};
 use super::{Exploration, ExploredOutline};
-use crate::geometry::{PolygonError, SimplePolygon};
+use crate::geometry::{PolygonError, SimplePolygon, distance_to_segment};
 use crate::inscription::next_touch::FingerTouch;
 use crate::math::angle::wrap_angle;
 
-/// A touch belongs to a side or a corner within so many of its standard deviations.
-const BELONGS_SD: f64 = 3.5;
-
-/// The normal of a side may be beyond what a force allows by so much, rad: forces beside the ends of sides.
-const NORMAL_SLACK: f64 = 0.02;
-
-/// A run is a side where about a corner its touches would be off by so many standard deviations more.
-const STRAIGHT_SD: f64 = 5.0;
-
-/// Steps to the corner that a run is about: two are enough for what is short beside the radius.
-const ARC_STEPS: usize = 4;
-
-/// Two sides with a turn less than this between are not made to meet, rad: where they do is hardly known.
-const TURN_LEAST: f64 = 0.05;
-
-/// Touches taken from each end of a side at most.
-const TRIMS: usize = 4;
-
-/// Rounding of a touch that is exact, m.
-const SIGMA_LEAST: f64 = 1e-9;
-
-/// The line on which the disk's centres of a side are.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Side {
-    /// Their mean.
-    pub(super) at: Point2<f64>,
-    /// Along it, counter-clockwise around the part.
-    pub(super) along: Vector2<f64>,
-    /// Out of the part.
-    pub(super) normal: Vector2<f64>,
-    /// Of the line's offset at `at`, m.
-    sd: f64,
-    /// Of its turn, rad.
-    turn_sd: f64,
-}
-
-impl Side {
-    /// Where two sides meet, moved inwards by a radius (m): parallel ones nowhere.
-    fn meets(&self, other: &Self, inwards: f64) -> Point2<f64> {
-        let [from, to] = [self, other].map(|side| side.at - side.normal * inwards);
-        from + self.along * ((to - from).perp(&other.along) / self.along.perp(&other.along))
-    }
-
-    /// How well its line is known beside a place, m.
-    fn sd_at(&self, place: Point2<f64>) -> f64 {
-        self.sd.hypot((place - self.at).dot(&self.along) * self.turn_sd)
-    }
-}
-
-/// A run of touches on one side, by their places in the order: the last may be before the first.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Run {
-    pub(super) first: usize,
-    pub(super) count: usize,
-    pub(super) side: Side,
-}
+/// Mean square of what may be anywhere between none and its most, as a share of the most's square.
+const EVEN: f64 = 1.0 / 3.0;
 
 /// What lies between two neighbours.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,9 +34,8 @@ pub(super) struct Fitted<'a> {
     pub(super) touches: Vec<&'a FingerTouch>,
     /// Out of the part, at each touch.
     pub(super) normals: Vec<Vector2<f64>>,
-    /// The same by each touch and its neighbours alone.
-    alone: Vec<Vector2<f64>>,
-    runs: Vec<Run>,
+    /// By how much each may be turned, rad.
+    slack: Vec<f64>,
     /// What comes after each touch.
     pub(super) after: Vec<Between>,
     vertices: Vec<Vertex>,
@@ -103,6 +49,17 @@ struct Vertex {
     sd: f64,
 }
 
+/// Where two sides meet, and what may be hidden there.
+#[derive(Clone, Copy, Debug)]
+struct Corner {
+    at: Point2<f64>,
+    is_touched: bool,
+    /// How far from it each of the two sides was touched, m.
+    untouched: [f64; 2],
+    /// How far the outline may be beside it, m.
+    hidden: f64,
+}
+
 impl<'a> Fitted<'a> {
     pub(super) fn of(exploration: &'a Exploration) -> Option<Self> {
         let touches: Vec<_> = exploration.order.iter().map(|&number| &exploration.touches[number]).collect();
@@ -110,24 +67,16 @@ impl<'a> Fitted<'a> {
             return None;
         }
         let radius = exploration.radius;
-        let normals = normals(&touches, radius);
-        let mut fitted = Self {
-            radius,
-            after: vec![Between::Unknown; touches.len()],
-            touches,
-            alone: normals.clone(),
-            normals,
-            runs: Vec::new(),
-            vertices: Vec::new(),
-        };
-        fitted.find_sides();
-        fitted.trim();
-        fitted.join();
+        let (normals, slack) = normals(&touches, radius);
+        let total = touches.len();
+        let after = vec![Between::Unknown; total];
+        let mut fitted = Self { radius, after, normals, slack, touches, vertices: Vec::new() };
+        let touches = fitted.touches.clone();
+        let sides = Sides::of(&touches, &fitted.normals, radius);
+        let touched: Vec<_> = (0..total).map(|place| sides.touched(place)).collect();
+        fitted.take_normals(&touched);
+        fitted.vertices = fitted.joined(&sides, &touched);
         Some(fitted)
-    }
-
-    fn touch(&self, place: usize) -> &FingerTouch {
-        self.touches[place % self.touches.len()]
     }
 
     /// The point of the outline that was touched.
@@ -136,301 +85,145 @@ impl<'a> Fitted<'a> {
         self.touches[place].centre - self.normals[place] * self.radius
     }
 
-    /// The line through the centres of a run, if they are on one.
-    fn side(&self, first: usize, count: usize) -> Option<Side> {
-        let run = || (first..first + count).map(|place| self.touch(place));
-        let weight = |touch: &FingerTouch| touch.sigma.max(SIGMA_LEAST).powi(-2);
-        let total: f64 = run().map(weight).sum();
-        let at = Point2::from(run().map(|touch| touch.centre.coords * weight(touch)).sum::<Vector2<f64>>() / total);
-        let ends = self.touch(first + count - 1).centre - self.touch(first).centre;
-        let mut along = ends.try_normalize(f64::MIN_POSITIVE)?;
-        let mut spread = 0.0;
-        // The ends are nearly on it, so a small turn is all that is left.
-        for _ in 0..2 {
-            let across = Vector2::new(along.y, -along.x);
-            let (mut squares, mut product) = (0.0, 0.0);
-            for touch in run() {
-                let off = touch.centre - at;
-                squares += weight(touch) * off.dot(&along).powi(2);
-                product += weight(touch) * off.dot(&along) * off.dot(&across);
-            }
-            spread = squares;
-            along = (along + across * (product / squares)).normalize();
-        }
-        let normal = Vector2::new(along.y, -along.x);
-        let angle = normal.y.atan2(normal.x);
-        let fits = |touch: &FingerTouch| {
-            (touch.centre - at).dot(&normal).abs() <= BELONGS_SD * touch.sigma.max(SIGMA_LEAST)
-                && wrap_angle(touch.force_angle - angle).abs() <= touch.half_width + NORMAL_SLACK
-        };
-        // In their order along it.
-        let goes_on = (first..first + count - 1)
-            .all(|place| (self.touch(place + 1).centre - self.touch(place).centre).dot(&along) >= 0.0);
-        let sd = total.powf(-0.5);
-        (goes_on && run().all(fits)).then_some(Side { at, along, normal, sd, turn_sd: spread.powf(-0.5) })
-    }
-
-    /// Whether the centres of a run are rather on its line than about a corner.
-    fn is_straight(&self, first: usize, count: usize, side: &Side) -> bool {
-        if count < 3 {
-            return false;
-        }
-        let run = || (first..first + count).map(|place| self.touch(place));
-        let weight = |touch: &FingerTouch| touch.sigma.max(SIGMA_LEAST).powi(-2);
-        let line: f64 = run().map(|touch| weight(touch) * (touch.centre - side.at).dot(&side.normal).powi(2)).sum();
-        // The corner by Gauss and Newton: it is near this one where there is one.
-        let mut corner = side.at - side.normal * self.radius;
-        let mut arc = f64::INFINITY;
-        for _ in 0..ARC_STEPS {
-            let (mut normal, mut right) = (Matrix2::zeros(), Vector2::zeros());
-            arc = 0.0;
-            for touch in run() {
-                let way = touch.centre - corner;
-                let (off, unit) =
-                    (way.norm() - self.radius, way.try_normalize(f64::MIN_POSITIVE).unwrap_or(side.normal));
-                normal += unit * unit.transpose() * weight(touch);
-                right += unit * off * weight(touch);
-                arc += weight(touch) * off * off;
-            }
-            let Some(step) = normal.try_inverse().map(|inverse| inverse * right) else { break };
-            // No farther than a run of this length allows.
-            corner += step.cap_magnitude(self.radius);
-        }
-        arc - line >= STRAIGHT_SD * STRAIGHT_SD
-    }
-
-    /// The longest runs first, of touches that are on none yet.
-    fn find_sides(&mut self) {
-        let total = self.touches.len();
-        let mut is_taken = vec![false; total];
-        loop {
-            let mut longest: Option<(f64, Run)> = None;
-            for first in 0..total {
-                let mut best = None;
-                for count in 2..=total {
-                    if (first..first + count).any(|place| is_taken[place % total]) {
-                        break;
-                    }
-                    let Some(side) = self.side(first, count) else {
-                        if count > 2 {
-                            break;
-                        }
-                        continue;
-                    };
-                    if self.is_straight(first, count, &side) {
-                        best = Some(Run { first, count, side });
-                    }
-                }
-                let Some(run) = best else { continue };
-                let length = (self.touch(run.first + run.count - 1).centre - self.touch(run.first).centre).norm();
-                if longest.is_none_or(|(most, _)| length > most) {
-                    longest = Some((length, run));
-                }
-            }
-            let Some((_, run)) = longest else { break };
-            for place in run.first..run.first + run.count {
-                is_taken[place % total] = true;
-                self.normals[place % total] = run.side.normal;
-                if place + 1 < run.first + run.count {
-                    self.after[place % total] = Between::Side;
-                }
-            }
-            self.runs.push(run);
-        }
-        self.runs.sort_by_key(|run| run.first);
-    }
-
-    /// Takes from the ends of sides what was touched beyond a convex corner: there the disk is hardly off the side's line
-    /// at first, and yet turns it.
-    fn trim(&mut self) {
-        let total = self.touches.len();
-        let count = self.runs.len();
-        if count < 2 {
-            return;
-        }
-        for _ in 0..TRIMS {
-            let mut is_done = true;
-            for number in 0..count {
-                let other = (number + 1) % count;
-                let (a, b) = (self.runs[number], self.runs[other]);
-                let turn = turn(&a.side.normal, &b.side.normal);
-                if !(TURN_LEAST..PI - TURN_LEAST).contains(&turn) {
-                    continue;
-                }
-                let corner = a.side.meets(&b.side, self.radius);
-                let last = a.first + a.count - 1;
-                if a.count > 3 && (self.touch(last).centre - corner).dot(&a.side.along) > 0.0 {
-                    is_done &= !self.shorten(number, a.first, last % total);
-                }
-                let b = self.runs[other];
-                if b.count > 3 && (self.touch(b.first).centre - corner).dot(&b.side.along) < 0.0 {
-                    is_done &= !self.shorten(other, b.first + 1, b.first);
-                }
-            }
-            if is_done {
-                break;
+    fn take_normals(&mut self, touched: &[Option<Touched>]) {
+        for (place, touched) in touched.iter().enumerate() {
+            if let Some((_, normal)) = touched {
+                (self.normals[place], self.slack[place]) = (*normal, 0.0);
             }
         }
-        self.runs.sort_by_key(|run| run.first);
-    }
-
-    /// Leaves one touch out of a run, at its end; whether the others are a side.
-    fn shorten(&mut self, number: usize, first: usize, left_out: usize) -> bool {
-        let (total, count) = (self.touches.len(), self.runs[number].count - 1);
-        let Some(side) = self.side(first, count).filter(|side| self.is_straight(first, count, side)) else {
-            return false;
-        };
-        self.runs[number] = Run { first: first % total, count, side };
-        self.normals[left_out] = self.alone[left_out];
-        let before_end = if first % total == left_out { left_out } else { (left_out + total - 1) % total };
-        self.after[if first % total == (left_out + 1) % total { left_out } else { before_end }] = Between::Unknown;
-        for place in first..first + count {
-            self.normals[place % total] = side.normal;
-        }
-        true
     }
 
     /// Corners between sides, and points touched where there is none.
-    fn join(&mut self) {
+    fn joined(&mut self, sides: &Sides<'_>, touched: &[Option<Touched>]) -> Vec<Vertex> {
         let total = self.touches.len();
-        let loose_deviation = |fitted: &Self, place: usize| {
-            let gap = (fitted.contact(place + 1) - fitted.contact(place)).norm();
-            let [a, b] = [place, place + 1].map(|place| fitted.normals[place % total]);
-            fitted.touch(place).sigma.hypot(height(gap, turn(&a, &b)))
-        };
-        if self.runs.is_empty() {
-            self.vertices =
-                (0..total).map(|place| Vertex { at: self.contact(place), sd: loose_deviation(self, place) }).collect();
-            return;
+        let runs = &sides.runs;
+        if runs.is_empty() {
+            return (0..total).map(|place| self.loose(place)).collect();
+        }
+        let corners: Vec<_> =
+            (0..runs.len()).map(|number| sides.meets[number].then(|| self.corner(sides, touched, number))).collect();
+        for (number, run) in runs.iter().enumerate() {
+            (run.first..run.first + run.count - 1).for_each(|place| self.after[place % total] = Between::Side);
+            let between = match &corners[number] {
+                Some(corner) if corner.is_touched => Between::Corner,
+                Some(_) => Between::Foreseen,
+                None => Between::Unknown,
+            };
+            let range = sides.between(number);
+            (range.start - 1..range.end).for_each(|place| self.after[place % total] = between);
         }
         let mut vertices = Vec::new();
-        for number in 0..self.runs.len() {
-            let (run, next) = (self.runs[number], self.runs[(number + 1) % self.runs.len()]);
-            let last = run.first + run.count - 1;
-            // Places beyond the end of the order are those from its beginning.
-            let start = if next.first <= run.first { next.first + total } else { next.first };
-            let start = if start <= last { start + total } else { start };
-            let side_sd = |at: Point2<f64>, side: &Side| {
-                let far = (at - side.at).dot(&side.along);
-                // Over a side that is as long on either hand.
-                side.sd.hypot(far * side.turn_sd / 3.0_f64.sqrt())
+        for (number, run) in runs.iter().enumerate() {
+            let before = (number + runs.len() - 1) % runs.len();
+            let on = |place: usize| {
+                let centre = self.touches[place % total].centre;
+                centre - run.side.normal * (run.side.off(&centre) + self.radius)
             };
-            if let Some((corner, is_touched)) = self.corner(&run.side, last, &next.side, start) {
-                let between = if is_touched { Between::Corner } else { Between::Foreseen };
-                (last..start).for_each(|place| self.after[place % total] = between);
-                vertices.push(Vertex { at: corner, sd: side_sd(corner, &next.side) });
-                continue;
+            let begin = corners[before].map_or_else(|| on(run.first), |corner| corner.at);
+            let end = corners[number].map_or_else(|| on(run.first + run.count - 1), |corner| corner.at);
+            vertices.push(Vertex {
+                at: begin,
+                sd: self.side_sd(sides, number, [corners[before], corners[number]], [begin, end]),
+            });
+            if corners[number].is_none() {
+                let last = run.first + run.count - 1;
+                vertices.push(Vertex { at: end, sd: self.loose(last).sd });
+                vertices.extend(sides.between(number).map(|place| self.loose(place)));
             }
-            // The side ends where it was touched last.
-            let on_side = |place: usize| self.touch(place).centre;
-            let end = on_side(last) - run.side.normal * self.radius;
-            let end = end - run.side.normal * (on_side(last) - run.side.at).dot(&run.side.normal);
-            vertices.push(Vertex { at: end, sd: loose_deviation(self, last) });
-            for place in last + 1..start {
-                vertices.push(Vertex { at: self.contact(place), sd: loose_deviation(self, place) });
-            }
-            let begin = on_side(start) - next.side.normal * self.radius;
-            let begin = begin - next.side.normal * (on_side(start) - next.side.at).dot(&next.side.normal);
-            vertices.push(Vertex { at: begin, sd: side_sd(begin, &next.side) });
         }
-        self.vertices = vertices;
+        vertices
     }
 
-    /// Where two sides meet, if all that was touched between says so; and whether the corner was touched, or is the bottom
-    /// of a notch as deep as the disk comes.
-    fn corner(&self, a: &Side, last: usize, b: &Side, start: usize) -> Option<(Point2<f64>, bool)> {
-        let turn = turn(&a.normal, &b.normal);
-        if turn.abs() < TURN_LEAST || turn.abs() > PI - TURN_LEAST {
-            return None;
-        }
-        let corner = a.meets(b, self.radius);
-        // The corner of two lines that turn little is known poorly along them.
-        let corner_sd = a.sd_at(corner).hypot(b.sd_at(corner)) / turn.sin().abs();
-        // Beyond the end of one and before the begin of the other.
-        let slack = |place: usize| BELONGS_SD * self.touch(place).sigma.max(SIGMA_LEAST);
-        let [end, begin] = [last, start].map(|place| self.touch(place).centre);
-        let off_end = (corner - end).dot(&a.along);
-        let off_begin = (begin - corner).dot(&b.along);
-        // A touch beyond a convex corner by an angle is off its side by the radius times half the angle's square; as much
-        // again, because the side was fitted through it.
-        let round = |place: usize| (4.0 * self.radius * slack(place)).sqrt();
-        if off_end < -round(last) || off_begin < -round(start) {
-            return None;
-        }
-        let belongs = |place: usize| {
-            let touch = self.touch(place);
-            let beside = |side: &Side, sign: f64| {
-                let off = (touch.centre - side.at).dot(&side.normal);
-                let along = (corner - touch.centre).dot(&side.along) * sign;
-                off.abs() <= slack(place).hypot(BELONGS_SD * side.sd_at(touch.centre)) && along >= 0.0
-            };
-            let off = (touch.centre - corner).norm() - self.radius;
-            let is_at = off.abs() <= slack(place).hypot(BELONGS_SD * corner_sd);
-            (is_at || beside(a, 1.0) || beside(b, -1.0)).then_some(is_at)
-        };
+    /// A point touched that belongs to nothing, and how well the outline is known up to the next.
+    fn loose(&self, place: usize) -> Vertex {
+        let total = self.touches.len();
+        let (place, next) = (place % total, (place + 1) % total);
+        let gap = (self.contact(next) - self.contact(place)).norm();
+        let slack = self.slack[place] + self.slack[next];
+        let turn = turn(&self.normals[place], &self.normals[next]).abs() + slack;
+        // A normal that is turned moves the point along the disk.
+        let hidden = height(gap + self.radius * slack, turn);
+        Vertex { at: self.contact(place), sd: Sides::sd(self.touches[place]).hypot(hidden * EVEN.sqrt()) }
+    }
+
+    fn corner(&self, sides: &Sides<'_>, touched: &[Option<Touched>], number: usize) -> Corner {
+        let next = sides.next(number);
+        let (a, b) = (&sides.runs[number].side, &sides.runs[next].side);
+        let (at, turn) = (sides.corner(number), sides.turn(number));
+        // The disk's centre where it touches both sides of a notch; at a corner, where it leaves the side.
+        let ends =
+            if turn < 0.0 { [a.meets(b, 0.0); 2] } else { [at + a.normal * self.radius, at + b.normal * self.radius] };
+        let mut untouched = [f64::INFINITY; 2];
         let mut is_touched = false;
-        for place in last + 1..start {
-            is_touched |= belongs(place)?;
+        for (touch, touched) in self.touches.iter().zip(touched) {
+            let Some((element, _)) = *touched else { continue };
+            let on = if element == Element::Side(number) { 0 } else { 1 };
+            if element == Element::Corner(number) {
+                is_touched = true;
+            } else if element == Element::Side(number) || element == Element::Side(next) {
+                untouched[on] = untouched[on].min((touch.centre - ends[on]).norm());
+            }
+            // A touch beside an end is off the side by the radius times half the angle's square.
+            let near = (2.0 * BELONGS_SD * self.radius * Sides::sd(touch)).sqrt();
+            is_touched |= turn < 0.0 && (touch.centre - ends[0]).norm() <= near;
         }
-        // No disk was where the part would be.
-        let is_free = self
-            .touches
-            .iter()
-            .all(|touch| (touch.centre - corner).norm() >= self.radius - BELONGS_SD * touch.sigma.hypot(corner_sd));
-        if turn > 0.0 {
-            // The ends of the sides touch it themselves where they are as near.
-            let near = |off: f64, place: usize| off <= round(place);
-            return is_free.then_some((corner, is_touched || near(off_end, last) && near(off_begin, start)));
-        }
-        // The disk comes no deeper than where it touches both.
-        let bottom = a.meets(b, 0.0);
-        let near = |centre: Point2<f64>, place: usize| (centre - bottom).norm() <= round(place);
-        is_free.then_some((corner, is_touched || near(end, last) && near(begin, start)))
+        // In a notch the disk is as far from its bottom as from where it touches.
+        let beyond = if turn < 0.0 { self.radius * (0.5 * turn.abs()).tan() } else { 0.0 };
+        let untouched = untouched.map(|way| way.min(4.0 * self.radius) + beyond);
+        let chord = a.along * untouched[0] + b.along * untouched[1];
+        let hidden = if is_touched { 0.0 } else { untouched[0] * untouched[1] * turn.sin().abs() / chord.norm() };
+        Corner { at, is_touched, untouched, hidden }
+    }
+
+    /// Standard deviation of a side between its ends, m: its line's, and what may be hidden at its ends.
+    fn side_sd(&self, sides: &Sides<'_>, number: usize, corners: [Option<Corner>; 2], ends: [Point2<f64>; 2]) -> f64 {
+        let side = &sides.runs[number].side;
+        let length = (ends[1] - ends[0]).norm().max(SIGMA_LEAST);
+        let line = sides.variance(number, ends.map(|end| side.travel(&end)));
+        let hidden = corners.into_iter().enumerate().flat_map(|(end, corner)| {
+            // At its first end it is the second of the two that meet.
+            corner.map(|corner| corner.hidden * corner.hidden * EVEN * (corner.untouched[1 - end] / length).min(1.0))
+        });
+        (line + hidden.sum::<f64>()).sqrt()
     }
 
     pub(super) fn outline(&self) -> Option<ExploredOutline> {
         // Points that were touched twice are one.
         let mut vertices: Vec<Vertex> = Vec::new();
         for vertex in &self.vertices {
-            let is_new =
-                |other: &Vertex| (vertex.at - other.at).norm() > SIGMA_LEAST.max(0.5 * vertex.sd.min(other.sd));
-            if vertices.last().is_none_or(is_new) {
+            if vertices.last().is_none_or(|other| (vertex.at - other.at).norm() > SIGMA_LEAST) {
                 vertices.push(*vertex);
             }
         }
-        simple(vertices).or_else(|| {
-            let contacts =
-                (0..self.touches.len()).map(|place| Vertex { at: self.contact(place), sd: self.touch(place).sigma });
-            simple(contacts.collect())
-        })
+        simple(vertices)
     }
 }
 
 /// The outline through these points. Where errors, of points close to each other, make it cross itself, of the edges that
-/// cross the end that is known least is left out.
+/// cross the end that is known least is left out; the edge in its place is known no better than by how far it is from it.
 fn simple(mut vertices: Vec<Vertex>) -> Option<ExploredOutline> {
     loop {
         let count = vertices.len();
-        match SimplePolygon::new(vertices.iter().map(|vertex| vertex.at).collect::<Vec<_>>()) {
+        let worst = match SimplePolygon::new(vertices.iter().map(|vertex| vertex.at).collect::<Vec<_>>()) {
             Ok(outline) => {
                 let deviations = vertices.iter().map(|vertex| vertex.sd).collect();
                 return Some(ExploredOutline { outline, deviations });
             }
             Err(PolygonError::Crossing { first, second }) => {
                 let ends = [first, first + 1, second, second + 1].map(|place| place % count);
-                let worst = ends.into_iter().max_by(|&a, &b| vertices[a].sd.total_cmp(&vertices[b].sd))?;
-                vertices.remove(worst);
+                ends.into_iter().max_by(|&a, &b| vertices[a].sd.total_cmp(&vertices[b].sd))?
             }
-            Err(error) => {
-                vertices.remove(error.vertex()?);
-            }
+            Err(error) => error.vertex()?,
+        };
+        let left_out = vertices.remove(worst);
+        let count = vertices.len();
+        if count < 3 {
+            return None;
         }
+        let [before, after] = [(worst + count - 1) % count, worst % count];
+        let off = distance_to_segment(left_out.at, vertices[before].at, vertices[after].at);
+        vertices[before].sd = vertices[before].sd.max(left_out.sd).max(off);
     }
-}
-
-/// By how much the outward normal turns, rad: above 0 where the outline is convex.
-pub(super) fn turn(from: &Vector2<f64>, to: &Vector2<f64>) -> f64 {
-    from.perp(to).atan2(from.dot(to))
 }
 
 /// How far an outline may be from a chord of this length (m) between two tangents with a turn (rad), m.
@@ -439,8 +232,8 @@ pub(super) fn height(gap: f64, turn: f64) -> f64 {
     0.5 * gap * (0.5 * turn.abs().min(TURN_MOST)).tan()
 }
 
-/// Out of the part at each touch: the middle of what the force allows and no other disk covers.
-fn normals(touches: &[&FingerTouch], radius: f64) -> Vec<Vector2<f64>> {
+/// Out of the part at each touch: the middle of what the force allows and no other disk covers; and half of what that is.
+fn normals(touches: &[&FingerTouch], radius: f64) -> (Vec<Vector2<f64>>, Vec<f64>) {
     let of = |place: usize| {
         let touch = touches[place];
         // As turns from the force.
@@ -462,7 +255,7 @@ fn normals(touches: &[&FingerTouch], radius: f64) -> Vec<Vector2<f64>> {
         }
         // What errors leave of nothing is between.
         let angle = touch.force_angle + 0.5 * (low + high).clamp(-2.0 * touch.half_width, 2.0 * touch.half_width);
-        Vector2::new(angle.cos(), angle.sin())
+        (Vector2::new(angle.cos(), angle.sin()), (0.5 * (high - low)).clamp(0.0, FRAC_PI_2))
     };
-    (0..touches.len()).map(of).collect()
+    (0..touches.len()).map(of).unzip()
 }

@@ -4,7 +4,8 @@
 
 use nalgebra::{Point2, Rotation2, Vector2, center};
 
-use super::fit::{Between, Fitted, height, turn};
+use super::fit::{Between, Fitted, height};
+use super::sides::turn;
 use super::{Exploration, TRIES_MAX, left};
 use crate::geometry::distance_to_segment;
 

@@ -2,9 +2,9 @@
 //!
 //! A finger's disk goes along lines until it touches; its centre is then on the curve at the disk's radius from the
 //! outline. Touches are kept in the order in which they lie around the part. Runs of them whose centres are on one line
-//! are a side ([`fit`]); where two sides meet within what was touched there is a corner, also at the bottom of a notch
-//! into which the disk does not reach: sides are taken to go on straight. What belongs to no side is joined by the points
-//! touched.
+//! are a side; sides and the corners in which they meet are fitted together ([`sides`]), also at the bottom of a notch into
+//! which the disk does not reach: sides are taken to go on straight. What belongs to no side is joined by the points
+//! touched ([`fit`]).
 //!
 //! The next touch is made in the gap between two neighbours in which the outline can be farthest from what is known
 //! ([`gaps`]).
@@ -14,6 +14,7 @@
 
 mod fit;
 mod gaps;
+mod sides;
 #[cfg(test)]
 mod tests;
 
@@ -23,6 +24,7 @@ use nalgebra::{Point2, Vector2, center};
 
 use super::next_touch::{Approach, FingerTouch, Met, NextTouch, across};
 use crate::geometry::SimplePolygon;
+use crate::geometry::mesh::signed_area;
 use crate::math::angle::wrap_angle;
 
 /// Touches by which an order around the part is begun.
@@ -33,6 +35,9 @@ const TRIES_MAX: usize = 3;
 
 /// The golden ratio's fraction: offsets of lines before the first touch that leave no gap for long.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+/// A way around that is shorter by this share of the radius is another one, and not rounding.
+const SHORTER: f64 = 1e-9;
 
 /// Directions of lines before the first touch.
 const SEEKING: usize = 4;
@@ -134,10 +139,10 @@ impl Exploration {
             }
             return;
         }
-        let place = self.place_of(touch);
-        let before = self.order[place];
-        let after = self.order[(place + 1) % self.order.len()];
-        self.order.insert(place + 1, number);
+        self.put_in_order(number);
+        let total = self.order.len();
+        let place = self.order.iter().position(|&other| other == number).unwrap_or(0);
+        let [before, after] = [place + total - 1, place + 1].map(|place| self.order[place % total]);
         match aimed {
             Some(gap) if gap == [before, after] => {
                 // What is left of the gap was as hard to come to.
@@ -165,18 +170,43 @@ impl Exploration {
         self.order = order;
     }
 
-    /// After which place in the order a touch lies: where it makes the way around, in places and normals, longer least.
-    fn place_of(&self, touch: &FingerTouch) -> usize {
-        let apart = |a: &FingerTouch, b: &FingerTouch| {
-            let turn = self.radius * wrap_angle(a.force_angle - b.force_angle);
-            (a.centre - b.centre).norm().hypot(turn)
-        };
-        let around = |place: usize| [place, place + 1].map(|k| &self.touches[self.order[k % self.order.len()]]);
+    /// How far two touches are apart, in places and normals. Normals turn as little as the cones of the forces allow:
+    /// friction would shuffle the touches of a side otherwise.
+    fn apart(&self, a: usize, b: usize) -> f64 {
+        let [a, b] = [a, b].map(|number| &self.touches[number]);
+        let turn = wrap_angle(a.force_angle - b.force_angle).abs() - a.half_width - b.half_width;
+        (a.centre - b.centre).norm().hypot(self.radius * turn.max(0.0))
+    }
+
+    /// Puts a touch where it makes the way around longer least; then turns stretches of the way around wherever that makes
+    /// it shorter: what was put in while little was known may be the wrong way round.
+    fn put_in_order(&mut self, number: usize) {
+        let total = self.order.len();
         let longer = |place: usize| {
-            let [a, b] = around(place);
-            apart(a, touch) + apart(touch, b) - apart(a, b)
+            let [a, b] = [place, (place + 1) % total].map(|place| self.order[place]);
+            self.apart(a, number) + self.apart(number, b) - self.apart(a, b)
         };
-        (0..self.order.len()).min_by(|&a, &b| longer(a).total_cmp(&longer(b))).unwrap_or(0)
+        let place = (0..total).min_by(|&a, &b| longer(a).total_cmp(&longer(b))).unwrap_or(0);
+        self.order.insert(place + 1, number);
+        while let Some((first, last)) = self.turned_round() {
+            self.order[first..=last].reverse();
+        }
+        let centres: Vec<_> = self.order.iter().map(|&number| self.touches[number].centre).collect();
+        if signed_area(&centres) < 0.0 {
+            self.order.reverse();
+        }
+    }
+
+    /// A stretch of the order, first and last place, that is shorter the other way round.
+    fn turned_round(&self) -> Option<(usize, usize)> {
+        let total = self.order.len();
+        let apart = |a: usize, b: usize| self.apart(self.order[a % total], self.order[b % total]);
+        let gains = |first: usize, last: usize| {
+            apart(first - 1, first) + apart(last, last + 1) - apart(first - 1, last) - apart(first, last + 1)
+        };
+        let mut stretches = (1..total).flat_map(|first| (first + 1..total).map(move |last| (first, last)));
+        let gain = |&(first, last): &(usize, usize)| gains(first, last) > SHORTER * self.radius;
+        stretches.find(gain)
     }
 
     /// The touch to make next: where least is known. None where the disk can come to no gap that is left.

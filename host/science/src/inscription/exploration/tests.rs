@@ -86,19 +86,64 @@ fn the_bottom_of_a_notch_that_the_disk_does_not_reach_is_where_its_sides_meet() 
     assert!(apart(&truth, &found.outline) < 2e-4, "{} in {found:?}", apart(&truth, &found.outline));
 }
 
-#[test]
-fn convex_parts_are_found_and_their_deviations_are_stated() {
-    let mut good = 0;
-    for case in 0..20 {
-        let mut draw = Draw::case(5, case);
-        let corners = 3 + draw.index(7);
-        let truth = placed(&draw.convex_polygon(corners, 0.03), &mut draw);
+/// Cases that are off by more than the bar or than three times what is stated, m. What is stated is a root mean square
+/// itself, of which one outline is a draw.
+fn missed(seed: u64, outline: impl Fn(&mut Draw) -> SimplePolygon) -> Vec<(usize, f64, f64)> {
+    const BAR: f64 = 3e-4;
+    let missed = (0..CASES).filter_map(|case| {
+        let mut draw = Draw::case(seed, case);
+        let truth = outline(&mut draw);
+        let truth = placed(&truth, &mut draw);
         let found = explored(&mut draw, &truth, 60).outline().unwrap();
         let off = apart(&truth, &found.outline);
-        // What is stated is a root mean square itself, of which one outline is a draw.
-        good += usize::from(off <= 3e-4 && off <= 3.0 * found.sigma());
+        (off > BAR || off > 3.0 * found.sigma()).then_some((case, off, found.sigma()))
+    });
+    missed.collect()
+}
+
+const CASES: usize = 15;
+
+#[test]
+fn convex_parts_are_found_and_their_deviations_are_stated() {
+    let missed = missed(5, |draw| {
+        let corners = 3 + draw.index(7);
+        draw.convex_polygon(corners, 0.03)
+    });
+    assert!(missed.len() <= 1, "{missed:?}");
+}
+
+#[test]
+fn parts_with_notches_are_found_and_their_deviations_are_stated() {
+    let missed = missed(11, |draw| {
+        let corners = 4 + draw.index(6);
+        draw.star_polygon(corners, 0.012, 0.03)
+    });
+    assert!(missed.len() <= 1, "{missed:?}");
+}
+
+/// Touches that come in no order are put into that around the part.
+#[test]
+fn the_order_of_touches_does_not_depend_on_when_they_were_made() {
+    for case in 0..20 {
+        let mut draw = Draw::case(7, case);
+        let truth = draw.star_polygon(6, 0.012, 0.03);
+        let truth = placed(&truth, &mut draw);
+        let around = explored(&mut draw, &truth, 30);
+        let mut touches = around.touches().to_vec();
+        for last in (1..touches.len()).rev() {
+            touches.swap(last, draw.index(last + 1));
+        }
+        let mut shuffled = Exploration::new(RADIUS, area());
+        let nowhere = Approach { from: Point2::origin(), direction: Vector2::x(), length: 0.0 };
+        touches.iter().for_each(|touch| shuffled.take(&nowhere, &Met::Part(*touch)));
+        let way = |exploration: &Exploration| {
+            let centres = exploration.order.iter().map(|&number| exploration.touches[number].centre);
+            let ends = centres.clone().cycle().skip(1);
+            centres.zip(ends).map(|(a, b)| (b - a).norm()).sum::<f64>()
+        };
+        let [made, found] = [&around, &shuffled].map(way);
+        assert!((made - found).abs() < 0.02 * made, "case {case}: {made} {found}");
     }
-    assert!(good >= 19, "{good} of 20");
 }
 
 #[test]

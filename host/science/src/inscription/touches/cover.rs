@@ -433,10 +433,11 @@ impl<'a, 'b> Cover<'a, 'b> {
             objective.settle(at, self.gate, found)?;
             return Some(Next::Drop);
         }
-        let line_choices: usize = open_lines.iter().map(|(_, options)| options.len()).product();
-        if line_choices > CHOICES_MAX {
+        // Of many lines there are more choices than numbers.
+        let line_choices = open_lines.iter().try_fold(1, |all: usize, (_, options)| all.checked_mul(options.len()));
+        let Some(line_choices) = line_choices.filter(|choices| *choices <= CHOICES_MAX) else {
             return Some(Next::Halve(self.widest(patch)));
-        }
+        };
         let all = open.iter().try_fold(line_choices, |all: usize, (_, options)| all.checked_mul(options.len()));
         let is_few = all.is_some_and(|all| all <= CHOICES_MAX);
         if !is_few && open.len() * OPEN_SHARE > objective.touches.len() {

@@ -25,6 +25,7 @@ mod system;
 mod tests;
 mod tree;
 
+pub(super) use partition::log2_ceil;
 pub(super) use solve::halting_fewest;
 pub use solve::{Choice, Effort, Proof, Search, fewest};
 pub use system::SetSystem;

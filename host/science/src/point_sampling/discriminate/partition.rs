@@ -148,7 +148,7 @@ pub(super) fn parts(class: u64, side: u64) -> impl Iterator<Item = u64> {
 }
 
 /// The least number of bits that tell so many apart.
-pub(super) fn log2_ceil(count: u32) -> usize {
+pub(in crate::point_sampling) fn log2_ceil(count: u32) -> usize {
     (u32::BITS - count.saturating_sub(1).leading_zeros()) as usize
 }
 

@@ -5,10 +5,15 @@ use std::collections::BTreeSet;
 use proptest::prelude::*;
 
 use super::cuts::Cuts;
-use super::partition::{Order, Outcome, Partition, distances, log2_ceil};
+use super::partition::{Order, Outcome, Partition, distances};
 use super::system::Columns;
 use super::*;
+use crate::geometry::SimplePolygon;
 use crate::math::bits::BitSet;
+use crate::math::random::Draw;
+use crate::point_sampling::reductions::{self, Graph, path_length};
+use crate::point_sampling::scenes::SceneKind;
+use crate::point_sampling::{Request, Subdivision, plan};
 
 fn all(system: &SetSystem) -> Vec<usize> {
     (0..system.elements()).collect()
@@ -40,6 +45,14 @@ fn by_exhaustion(system: &SetSystem, separation: usize) -> Option<usize> {
         (0..sets.len()).all(|i| (0..i).all(|j| differ(&sets[i], &sets[j])))
     };
     subsets(system.elements()).iter().find(|choice| enough(choice)).map(Vec::len)
+}
+
+/// The sets of regions that polygons are, each kind of region once.
+fn regions(polygons: &[SimplePolygon]) -> SetSystem {
+    let subdivision = Subdivision::new(polygons);
+    let kinds: BTreeSet<Vec<usize>> = subdivision.regions().map(|region| region.inside().iter().collect()).collect();
+    let holders = kinds.into_iter().map(|kind| BitSet::of(polygons.len(), kind)).collect();
+    SetSystem::new(polygons.len(), holders)
 }
 
 /// Sparse and dense systems, some of separate parts.
@@ -197,7 +210,7 @@ fn the_thesis_example_has_shallow_questions_or_few_elements() {
 }
 
 #[test]
-fn figure_3_2_needs_its_bounds() {
+fn figure_3_2_needs_its_bounds_as_sets() {
     // (a) ⌈log n⌉ elements are enough; (b) nested sets need n − 1.
     let n = 13;
     let digits = |i: usize| (0..4).filter(move |bit| i >> bit & 1 == 1);
@@ -292,14 +305,14 @@ fn codes_cannot_be_closer_than_the_bound_of_the_partition_search() {
     }
 }
 
-/// A graph by its edges.
-#[derive(Clone, Debug)]
-struct Graph {
-    vertices: usize,
-    edges: Vec<[usize; 2]>,
+/// What the reductions of graphs are asked for, by exhaustion.
+trait Independence {
+    fn distances(&self) -> Vec<Vec<usize>>;
+    fn independent(&self, k: usize) -> usize;
+    fn cover(&self) -> usize;
 }
 
-impl Graph {
+impl Independence for Graph {
     fn distances(&self) -> Vec<Vec<usize>> {
         let far = usize::MAX / 4;
         let mut distance = vec![vec![far; self.vertices]; self.vertices];
@@ -345,43 +358,65 @@ fn graphs(vertices: std::ops::Range<usize>) -> impl Strategy<Value = Graph> {
     })
 }
 
-/// Lemma 11: from independent sets to 3-independent sets.
-fn with_midvertices(graph: &Graph) -> Graph {
-    let mid = |edge: usize| graph.vertices + edge;
-    let mut edges = Vec::new();
-    for (i, &[u, v]) in graph.edges.iter().enumerate() {
-        edges.extend([[u, mid(i)], [v, mid(i)]]);
-        let adjacent = |other: &[usize; 2]| other.contains(&u) || other.contains(&v);
-        edges.extend((0..i).filter(|&j| adjacent(&graph.edges[j])).map(|j| [mid(j), mid(i)]));
-    }
-    Graph { vertices: graph.vertices + graph.edges.len(), edges }
-}
-
-/// Lemma 33: from independent sets to k-independent sets, k > 3. A path replaces each vertex, and its ends are joined
-/// to those of its neighbours, for odd k through a vertex in the middle.
-fn with_paths(graph: &Graph, k: usize) -> Graph {
-    let length = if k.is_multiple_of(2) { k - 1 } else { k - 2 };
-    let ends = |v: usize| [v * length, v * length + length - 1];
-    let mut edges: Vec<[usize; 2]> =
-        (0..graph.vertices).flat_map(|v| (1..length).map(move |i| [v * length + i - 1, v * length + i])).collect();
-    let mut vertices = graph.vertices * length;
-    for &[u, v] in &graph.edges {
-        if k.is_multiple_of(2) {
-            edges.extend(ends(u).into_iter().flat_map(|a| ends(v).map(|b| [a, b])));
-        } else {
-            edges.extend([ends(u), ends(v)].concat().into_iter().map(|end| [end, vertices]));
-            vertices += 1;
-        }
-    }
-    Graph { vertices, edges }
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
+    /// Lemma 4 on polygons: the fewest regions, by trying all, are ⌈log₂ n⌉ to n − 1. Regions in the same polygons are one.
+    #[test]
+    fn lemma_4_a_region_basis_has_log_n_to_n_minus_1_regions(seed in 0..u64::MAX, count in 2..5_usize, kind in 0..3_usize) {
+        let kind = [SceneKind::SPARSE_SHAPES, SceneKind::DENSE_SHAPES, SceneKind::DENSE_POSES][kind];
+        let polygons = kind.draw(&mut Draw::new(seed), count);
+        let least = by_exhaustion(&regions(&polygons), 1).unwrap();
+        prop_assert!((log2_ceil(u32::try_from(count).unwrap())..count).contains(&least), "{least}");
+        let plan = plan(&polygons, &Request::default(), &|| false);
+        prop_assert_eq!((plan.points.len(), plan.lower_bound), (least, least));
+    }
+
+    /// Figure 3.2 as polygons: (a) reaches the lower bound, (b) the upper.
+    #[test]
+    fn lemma_4_is_tight_by_figure_3_2(count in 2..14_usize) {
+        let points = |polygons: &[SimplePolygon]| {
+            let plan = plan(polygons, &Request::default(), &|| false);
+            assert!(plan.is_fewest() && plan.indistinguishable.is_empty() && plan.signatures.len() == count);
+            plan.points.len()
+        };
+        prop_assert_eq!(points(&reductions::digits(count)), log2_ceil(u32::try_from(count).unwrap()));
+        prop_assert_eq!(points(&reductions::nested(count)), count - 1);
+    }
+
+    /// Theorem 6 by figure 3.3 (a), Corollary 7 by figure 3.3 (b): the polygons made of sets have a region for each element
+    /// of some and not of all sets, and R(a), and need as many as the sets need elements, which all choices of elements say.
+    #[test]
+    fn theorem_6_and_corollary_7_discriminating_sets_reduce_to_region_bases(
+        elements in 1..7_usize, sets in proptest::collection::btree_set(proptest::collection::btree_set(0..6_usize, 0..6), 2..7),
+    ) {
+        let within = |set: BTreeSet<usize>| set.into_iter().filter(|&element| element < elements).collect();
+        let sets: BTreeSet<BTreeSet<usize>> = sets.into_iter().map(within).collect();
+        // What all sets have is one region with R(a); the proof leaves that out beforehand.
+        let is_told = |element: &usize| (1..sets.len()).contains(&sets.iter().filter(|set| set.contains(element)).count());
+        let used = (0..elements).filter(is_told).count();
+        let sets: Vec<Vec<usize>> = sets.into_iter().map(|set| set.into_iter().collect()).collect();
+        let least = by_exhaustion(&SetSystem::from_sets(elements, &sets), 1).unwrap();
+        let (combs, flowers) = (reductions::combs(elements, &sets), reductions::flowers(elements, &sets));
+        for polygons in [&combs, &flowers] {
+            prop_assert_eq!(polygons.len(), sets.len());
+            let subdivision = Subdivision::new(polygons);
+            prop_assert_eq!((subdivision.regions().count(), subdivision.holes()), (used + 1, 0));
+            prop_assert_eq!(by_exhaustion(&regions(polygons), 1), Some(least));
+            let plan = plan(polygons, &Request::default(), &|| false);
+            prop_assert_eq!((plan.points.len(), plan.lower_bound), (least, least));
+        }
+        let is_convex = |polygon: &SimplePolygon| {
+            let v = polygon.vertices();
+            (0..v.len()).all(|i| (v[(i + 1) % v.len()] - v[i]).perp(&(v[(i + 2) % v.len()] - v[i])) > 0.0)
+        };
+        prop_assert!(flowers.iter().all(is_convex));
+        prop_assert!(used == 0 || elements < 3 || !combs.iter().all(is_convex));
+    }
+
     /// Theorem 5: a graph has a vertex cover of size l exactly if the sets have a discriminating set of size l + m − 1.
     #[test]
-    fn vertex_cover_reduces_to_discriminating_sets(graph in graphs(2..6)) {
+    fn theorem_5_vertex_cover_reduces_to_discriminating_sets(graph in graphs(2..6)) {
         let (n, m) = (graph.vertices, graph.edges.len());
         let with_ends = graph.edges.iter().enumerate().map(|(e, &[u, v])| vec![u, v, n + e]);
         let sets: Vec<Vec<usize>> = with_ends.chain((0..m).map(|e| vec![n + e])).collect();
@@ -390,23 +425,54 @@ proptest! {
 
     /// Lemma 10: what a discriminating set of the edges and the empty set leaves out is a 3-independent set.
     #[test]
-    fn edges_are_told_apart_by_what_a_3_independent_set_leaves(graph in graphs(2..9)) {
+    fn lemma_10_edges_are_told_apart_by_what_a_3_independent_set_leaves(graph in graphs(2..9)) {
         let mut sets: Vec<Vec<usize>> = graph.edges.iter().map(|edge| edge.to_vec()).collect();
         sets.push(Vec::new());
         let choice = solve(&SetSystem::from_sets(graph.vertices, &sets), 1);
         prop_assert_eq!(choice.elements.len(), graph.vertices - graph.independent(3));
     }
 
+    /// Lemma 11: as many vertices are independent in a graph as are 3-independent in it with midvertices.
     #[test]
-    fn independent_sets_reduce_to_k_independent_sets(graph in graphs(2..6), k in 3..8_usize) {
-        let reduced = if k == 3 { with_midvertices(&graph) } else { with_paths(&graph, k) };
+    fn lemma_11_independent_sets_reduce_to_3_independent_sets(graph in graphs(2..6)) {
+        prop_assert_eq!(graph.with_midvertices().independent(3), graph.independent(2));
+    }
+
+    /// Lemma 33: the same for k > 3 by paths, with the distances that its proof names.
+    #[test]
+    fn lemma_33_independent_sets_reduce_to_k_independent_sets(graph in graphs(2..6), k in 4..9_usize) {
+        let reduced = graph.with_paths(k);
         prop_assert_eq!(reduced.independent(k), graph.independent(2), "k = {}", k);
+        let (distance, length) = (reduced.distances(), path_length(k));
+        let middle = |v: usize| v * length + length / 2;
+        for u in 0..graph.vertices {
+            for v in 0..u {
+                let is_edge = graph.edges.contains(&[v, u]) || graph.edges.contains(&[u, v]);
+                let apart = distance[middle(u)][middle(v)];
+                prop_assert!(if is_edge { apart == k - 1 } else { apart >= k + usize::from(k % 2 == 1) }, "{u} {v}: {apart}");
+            }
+        }
+    }
+
+    /// Theorem 34: for k = 1 all vertices are the answer; for each k from 2 on a graph that is no larger than
+    /// (k + m)(n + m) has the answer of Independent Set.
+    #[test]
+    fn theorem_34_k_independent_set_is_easy_for_1_and_as_hard_as_independent_set_beyond(graph in graphs(2..6), k in 2..9_usize) {
+        let (n, m) = (graph.vertices, graph.edges.len());
+        prop_assert_eq!(graph.independent(1), n);
+        let reduced = match k {
+            2 => graph.clone(),
+            3 => graph.with_midvertices(),
+            _ => graph.with_paths(k),
+        };
+        prop_assert_eq!(reduced.independent(k), n - graph.cover());
+        prop_assert!(reduced.vertices + reduced.edges.len() <= (k + m + 4) * (n + m));
     }
 
     /// §3.4: discriminating sets are what hits all symmetric differences; and Lemma 8, the other way, with one copy:
     /// hitting sets of T₁ … Tₙ are what tells apart Tᵢ ∪ Aᵢ and Aᵢ, beside the digits that tell the Aᵢ apart.
     #[test]
-    fn hitting_sets_and_discriminating_sets_reduce_to_each_other(
+    fn lemma_8_hitting_sets_and_discriminating_sets_reduce_to_each_other(
         sets in proptest::collection::vec(proptest::collection::btree_set(0..6_usize, 1..5), 1..6),
     ) {
         let hit = |targets: &[BTreeSet<usize>]| {

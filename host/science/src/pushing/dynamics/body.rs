@@ -123,7 +123,8 @@ impl Body {
     }
 
     /// Where it stands, part frame, m, and the share of the weight there; none of a base that bears everywhere.
-    pub(super) fn feet(&self) -> Option<impl Iterator<Item = (Point2<f64>, f64)> + '_> {
+    #[must_use]
+    pub fn feet(&self) -> Option<impl Iterator<Item = (Point2<f64>, f64)> + '_> {
         match &self.support {
             Support::Uniform(_) => None,
             Support::Feet(feet) => Some(feet.iter().map(|foot| (self.centre_of_mass() + foot.at, foot.share))),

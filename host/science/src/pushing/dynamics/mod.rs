@@ -4,6 +4,7 @@
 //! - [`support`]: what the plane does to a sliding part;
 //! - `body`: a mass and what it rests on; `model`: part, edge, finger and contact, as plain data; `scalar`: the
 //!   numbers they are written for, plain or with derivatives;
+//! - `resting`: how a rigid part shares its weight among what it stands on;
 //! - `contact_model`: what a push in time asks of a model; `disk_on_edge`: accelerations and contact force of a disk on
 //!   an edge; `curve` and `shaped`: of any two outlines; `rest`: how a part at rest begins to move;
 //! - `contact_mode`: whether a contact sticks, slides, breaks or jams, for all who follow a push; `mode_change`: when,
@@ -25,6 +26,7 @@ pub(crate) mod mode_change;
 mod model;
 mod push;
 mod rest;
+pub mod resting;
 mod rollout;
 mod run;
 mod scalar;

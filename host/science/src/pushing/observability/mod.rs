@@ -4,12 +4,16 @@
 //! changes u(t) over a short window, to first order. For these analytic equations that is the rank of du, du̇, dü, …
 //! (thesis §4.2.1): a window weighs all orders at once, where each by itself would need its own scale.
 //!
+//! [`constant_velocity`] takes the orders one by one, for a finger that does not accelerate, in two precisions.
+//!
 //! Implements: the question of thesis Theorems 19, 21 and 23 for the actual motion of the finger instead of for
 //! arbitrary ones.
 //! Assumes: the contact lasts in its mode, whatever its force; the window ends before the part comes to rest or,
 //! sliding, jams.
 //! Frames: as [`crate::pushing::dynamics`]. Units: SI; state changes scaled by [`Scales`].
 //! Errors: [`PushObservabilityError`], where there is no window at all.
+
+pub mod constant_velocity;
 
 use nalgebra::{DMatrix, RowDVector};
 

@@ -26,5 +26,5 @@ mod support;
 mod tests;
 
 pub use crate::geometry::Element;
-pub use run::{SlowContact, SlowEnd, SlowMode, SlowPush, SlowPushError, SlowRun, SlowSample};
+pub use run::{SlowChange, SlowContact, SlowEnd, SlowMode, SlowPush, SlowPushError, SlowRun, SlowSample};
 pub use support::{Foot, Support};

@@ -163,11 +163,22 @@ pub enum SlowEnd {
     Tip,
 }
 
+/// A change of what the contact does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SlowChange {
+    /// How far the finger had gone, m.
+    pub length: f64,
+    /// What it does from there on; none where the finger leaves.
+    pub to: Option<SlowMode>,
+}
+
 /// How a slow push went.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SlowRun {
     /// One at each point of the path up to the end, of the motion that arrives there.
     pub samples: Vec<SlowSample>,
+    /// Touches, slip and partings, in order; what lasts no longer than rounding is left out.
+    pub changes: Vec<SlowChange>,
     /// Why it ended.
     pub end: SlowEnd,
     /// How far the finger has gone, m.
@@ -180,6 +191,15 @@ enum Mode {
     Stick,
     /// With the sign of the part's velocity along `t` relative to the finger.
     Slide(f64),
+}
+
+impl Mode {
+    fn told(self) -> SlowMode {
+        match self {
+            Self::Stick => SlowMode::Sticking,
+            Self::Slide(_) => SlowMode::Sliding,
+        }
+    }
 }
 
 /// While it touches.
@@ -263,6 +283,7 @@ impl SlowPush {
             state: State::Free(self.pose),
             gone: 0.0,
             into_least: INTO_LEAST,
+            changes: Vec::new(),
         };
         run.follow()
     }
@@ -299,6 +320,7 @@ struct Following<'a> {
     /// By how much the finger has to go into the part for a touch: more, up to the next corner of the path, where it
     /// has just left with what is lost in rounding.
     into_least: f64,
+    changes: Vec<SlowChange>,
 }
 
 impl<'a> Following<'a> {
@@ -325,10 +347,12 @@ impl<'a> Following<'a> {
                 self.into_least = INTO_LEAST;
             }
             let mut begun = turns.then(|| self.turn(pair[0], direction)).flatten();
+            self.note_change();
             if samples.is_empty() {
                 // The motion that begins; a finger that touches from the first shows it.
                 if begun.is_none() && matches!(self.state, State::Free(_)) {
                     begun = self.touch(pair[0], direction, 0.0, TOUCHES_M).and_then(|(_, end)| end);
+                    self.note_change();
                 }
                 let sample = self.sample(pair[0]);
                 samples.extend(std::iter::repeat_n(sample, waiting));
@@ -338,14 +362,34 @@ impl<'a> Following<'a> {
                 None => self.go(pair[0], direction, length)?,
             };
             if let Some(end) = end {
-                return Ok(SlowRun { samples, end, length: self.gone });
+                return Ok(self.ended(samples, end));
             }
             samples.push(self.sample(pair[1]));
         }
         if samples.is_empty() {
             samples.extend(std::iter::repeat_n(self.sample(path[0]), waiting));
         }
-        Ok(SlowRun { samples, end: SlowEnd::Path, length: self.gone })
+        Ok(self.ended(samples, SlowEnd::Path))
+    }
+
+    fn ended(&mut self, samples: Vec<SlowSample>, end: SlowEnd) -> SlowRun {
+        SlowRun { samples, changes: std::mem::take(&mut self.changes), end, length: self.gone }
+    }
+
+    /// Notes what the contact does now, if that is new.
+    fn note_change(&mut self) {
+        let to = match &self.state {
+            State::Free(_) => None,
+            State::Touching(contact) => Some(contact.mode.told()),
+        };
+        let (length, rounding) = (self.gone, SETTLING_STEP * self.ground.size);
+        // What was begun here a rounding ago was nothing.
+        while self.changes.last().is_some_and(|last| last.to != to && length - last.length <= rounding) {
+            self.changes.pop();
+        }
+        if self.changes.last().and_then(|last| last.to) != to {
+            self.changes.push(SlowChange { length, to });
+        }
     }
 
     /// At a corner of the path the contact begins anew, or ends.
@@ -376,8 +420,9 @@ impl<'a> Following<'a> {
                     break;
                 };
                 done = after;
+                self.gone = begun + done;
+                self.note_change();
                 if end.is_some() {
-                    self.gone = begun + done;
                     return Ok(end);
                 }
                 continue;
@@ -388,6 +433,7 @@ impl<'a> Following<'a> {
             let before = done;
             let end = self.push_on(contact, from, direction, &mut done, length, changes)?;
             self.gone = begun + done;
+            self.note_change();
             if end.is_some() {
                 return Ok(end);
             }
@@ -646,7 +692,7 @@ impl<'a> Following<'a> {
             at: centre - normal * self.push.radius,
             normal_angle: normal.y.atan2(normal.x),
             element: self.outline.element(contact.place),
-            mode: if contact.mode == Mode::Stick { SlowMode::Sticking } else { SlowMode::Sliding },
+            mode: contact.mode.told(),
             force: turn * contact.instant.force * self.push.gravity,
         };
         SlowSample { pose, contact: Some(contact) }

@@ -16,6 +16,7 @@ use nalgebra::{Cholesky, Matrix2, Matrix3, Point2, Vector2, Vector3};
 use super::held::{HeldFeet, HeldFoot};
 use super::pressure::Face;
 use crate::geometry::SimplePolygon;
+use crate::pushing::dynamics::Body;
 use crate::pushing::dynamics::support::{SupportFriction, Twist};
 
 /// The smallest ring a foot stands on, in sizes of the part. A ring of none is taken for this: the motion differs by
@@ -70,6 +71,17 @@ pub enum Support {
 }
 
 impl Support {
+    /// What a body stands on, with this friction against the plane: its feet as rings of this radius (m), or its whole
+    /// outline.
+    #[must_use]
+    pub fn of(body: &Body, friction: f64, ring_radius: f64) -> Self {
+        let foot = |(at, share)| Foot { at, share, friction };
+        match body.feet() {
+            Some(feet) => Self::Feet { feet: feet.map(foot).collect(), ring_radius },
+            None => Self::Uniform { friction },
+        }
+    }
+
     /// Where its load is centred while nothing pushes, part frame, m.
     pub(super) fn centre(&self, outline: &SimplePolygon) -> Point2<f64> {
         match self {

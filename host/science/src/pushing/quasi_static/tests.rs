@@ -399,6 +399,37 @@ fn a_block_pushed_at_its_middle_goes_straight_until_the_path_ends() {
     assert!((contact.normal_angle + 0.5 * PI).abs() < 1e-12);
 }
 
+/// What is told of changes is what samples show, and where: no mode lasts between two of them.
+#[test]
+fn changes_are_where_the_contact_is_seen_to_change() {
+    // Up to the part, aside one way and the other, and away from it.
+    let legs = [[0.02, -0.03], [0.02, -0.016], [0.03, -0.015], [0.0, -0.012], [0.0, -0.03]];
+    let coarse = SlowPush { path: legs.map(Point2::from).to_vec(), ..push() };
+    let mut finer = coarse.clone();
+    let ways = &coarse.path;
+    let way = |pair: &[Point2<f64>]| {
+        (0..400).map(|k| pair[0] + (pair[1] - pair[0]) * (f64::from(k) / 400.0)).collect::<Vec<_>>()
+    };
+    finer.path = ways.windows(2).flat_map(way).chain(ways.last().copied()).collect();
+    let found = run(&finer);
+    let mut lengths = vec![0.0];
+    lengths.extend(finer.path.windows(2).scan(0.0, |sum, pair| {
+        *sum += (pair[1] - pair[0]).norm();
+        Some(*sum)
+    }));
+    let modes: Vec<_> = found.samples.iter().map(|sample| sample.contact.map(|contact| contact.mode)).collect();
+    let seen: Vec<_> = (1..modes.len()).filter(|&i| modes[i] != modes[i - 1]).collect();
+    assert!(seen.len() >= 3, "it touches, and slips more than once: {:?}", found.changes);
+    assert_eq!(seen.len(), found.changes.len(), "{:?}", found.changes);
+    for (&i, change) in seen.iter().zip(&found.changes) {
+        assert_eq!(change.to, modes[i]);
+        // A sample shows the motion that arrives at it.
+        assert!((lengths[i - 1] - 1e-12..=lengths[i]).contains(&change.length), "{change:?} {}", lengths[i]);
+    }
+    // However finely it is looked at, and turned.
+    assert_eq!(run(&coarse).changes.len(), found.changes.len());
+}
+
 #[test]
 fn a_push_far_above_the_plane_tips_the_part() {
     let high = SlowPush { height: 0.5, ..push() };

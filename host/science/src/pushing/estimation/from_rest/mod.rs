@@ -41,7 +41,7 @@ mod part_errors;
 mod path;
 pub mod readings;
 mod seeds;
-mod symmetry;
+pub mod symmetry;
 pub mod trial;
 mod valley;
 pub mod watch;
@@ -166,7 +166,7 @@ fn halting_estimate(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt
         let problem = Problem { course: &course, measured, mass: None };
         let mut tried = search(&problem, &edges, halt);
         tried.retain(|tried| is_possible(&problem, tried));
-        leads(&tried, NUMBERED_LEADS).into_iter().map(|lead| lead.guess)
+        leads_of_edges(&tried, NUMBERED_LEADS).into_iter().map(|lead| lead.guess)
     };
     let leads = found(measured).chain(found(&roughly));
     let part_unknown = PartUnknown { errors, course: &course, roughly: &roughly, measured };
@@ -253,6 +253,27 @@ fn leads(tried: &[Tried], count: usize) -> Vec<Tried> {
     leads
 }
 
+/// All of them, each with how many on its edge are better.
+fn ranked_leads(tried: &[Tried]) -> Vec<(usize, Tried)> {
+    let mut ranked: Vec<(usize, Tried)> = Vec::new();
+    for lead in leads(tried, usize::MAX) {
+        let better = ranked.iter().filter(|(_, better)| better.guess.edge == lead.guess.edge).count();
+        ranked.push((better, lead));
+    }
+    ranked
+}
+
+/// As many of them, the best of every edge before the second of any: those of one edge are mostly pieces of one valley, and
+/// what is not known of the part may make another edge's the lowest in the end. The best first.
+fn leads_of_edges(tried: &[Tried], count: usize) -> Vec<Tried> {
+    let ranked = ranked_leads(tried);
+    let mut chosen: Vec<_> = (0..ranked.len()).collect();
+    chosen.sort_by_key(|&index| ranked[index].0);
+    chosen.truncate(count);
+    chosen.sort_unstable();
+    chosen.into_iter().map(|index| ranked[index].1.clone()).collect()
+}
+
 /// Whether two minima end at one place, as an answer has it.
 fn is_one_place(one: &Guess, end: &State, other: &Guess, other_end: &State) -> bool {
     one.edge == other.edge
@@ -263,15 +284,9 @@ fn is_one_place(one: &Guess, end: &State, other: &Guess, other_end: &State) -> b
 /// Minima on other edges, begun where the best are on theirs: edges as far from the centre of mass feel alike at the
 /// same angle, place and friction, and there the grid may have passed between two places.
 fn on_other_edges(problem: &Problem, edges: &[usize], tried: &[Tried], halt: &Halt<'_>) -> Vec<Tried> {
-    let mut leads = leads(tried, usize::MAX);
     // The best of each edge.
-    let mut led = Vec::new();
-    leads.retain(|lead| {
-        let is_new = !led.contains(&lead.guess.edge);
-        led.push(lead.guess.edge);
-        is_new
-    });
-    let guesses = leads.into_iter().take(OTHER_EDGES_OF).flat_map(|lead| {
+    let leads = ranked_leads(tried).into_iter().filter(|(better, _)| *better == 0).map(|(_, lead)| lead);
+    let guesses = leads.take(OTHER_EDGES_OF).flat_map(|lead| {
         let others = edges.iter().filter(move |&&edge| edge != lead.guess.edge);
         others.map(move |&edge| Guess { edge, ..lead.guess })
     });

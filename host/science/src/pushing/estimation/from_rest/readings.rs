@@ -40,7 +40,7 @@ use super::numbers::{MotionNumbers, NUMBERED_LEADS, NumberedMinimum, Unknown};
 use super::part_errors::PartErrors;
 use super::path::{Course, CourseStart, Guess};
 use super::windowed_force::place_covariance;
-use super::{GATE, WALKED_MAX, is_one_place, is_possible, leads, misfit_limit, search, symmetry};
+use super::{GATE, WALKED_MAX, is_one_place, is_possible, leads, leads_of_edges, misfit_limit, search, symmetry};
 use crate::geometry::Pose;
 use crate::math::unscented::Gaussian;
 use crate::pushing::dynamics::{ContactMode, Part, State};
@@ -274,8 +274,12 @@ impl<'a, 'p> FeltPush<'a, 'p> {
         let mut tried = search(&problem, edges, halt);
         // Where the finger cannot be, it leads nowhere.
         tried.retain(|tried| is_possible(&problem, tried));
-        let most = if self.known.has_numbers() { most.min(NUMBERED_LEADS) } else { most };
-        leads(&tried, most).into_iter().map(|lead| (lead.cost, lead.guess)).collect()
+        let leads = if self.known.has_numbers() {
+            leads_of_edges(&tried, most.min(NUMBERED_LEADS))
+        } else {
+            leads(&tried, most)
+        };
+        leads.into_iter().map(|lead| (lead.cost, lead.guess)).collect()
     }
 
     /// As a guess; none of an edge that the part has not.

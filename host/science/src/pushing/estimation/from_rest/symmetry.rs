@@ -23,12 +23,30 @@ const PROBES: [Probe; 3] =
     [Probe { share: 0.21, u: 0.3 }, Probe { share: 0.58, u: -0.5 }, Probe { share: 0.83, u: 0.1 }];
 
 /// How many turns take the part to itself, the whole turn included.
-pub(super) fn order(part: &Part) -> usize {
+#[must_use]
+pub fn order(part: &Part) -> usize {
     let edges: Vec<_> = part.sides().map(|(_, edge)| edge).collect();
     let count = edges.len();
     let size = part.inertia_per_mass().sqrt();
     let fits = |shift: usize| (0..count).all(|index| same(part, &edges[index], &edges[(index + shift) % count], size));
     (1..count).filter(|&shift| count.is_multiple_of(shift)).find(|&shift| fits(shift)).map_or(1, |shift| count / shift)
+}
+
+/// Most sides that are compared with each other.
+const SIDES_MAX: usize = 200;
+
+/// Pairs of straight sides, by the number of their first edge, at which any push begins alike: until the part has turned, force
+/// does not tell which of them is touched. None of a part with too many sides to compare.
+#[must_use]
+pub fn alike_sides(part: &Part) -> Vec<[usize; 2]> {
+    let sides: Vec<_> = part.sides().collect();
+    if sides.len() > SIDES_MAX {
+        return Vec::new();
+    }
+    let size = part.inertia_per_mass().sqrt();
+    let later = |index: usize| sides[index + 1..].iter();
+    let pairs = sides.iter().enumerate().flat_map(|(index, a)| later(index).map(move |b| (a, b)));
+    pairs.filter(|(a, b)| same(part, &a.1, &b.1, size)).map(|(a, b)| [a.0, b.0]).collect()
 }
 
 fn same(part: &Part, a: &Edge, b: &Edge, size: f64) -> bool {

@@ -78,22 +78,55 @@ const HEAP: [f64; 2] = [10e-3, 10.0 * std::f64::consts::PI / 180.0];
 /// Of so many poses the one that has most near it is sought.
 const SEEN: usize = 250;
 
+/// Poses of a cloud that lie together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Heap {
+    /// Their mean.
+    pub pose: Pose,
+    /// Share of the cloud.
+    pub share: f64,
+    /// Standard deviations about the mean, of x, y (m) and the angle (rad).
+    pub sd: [f64; 3],
+}
+
 impl Cloud {
     /// The mean of the largest heap: of the poses near the one that has most near it. Where a slip may or may not have
     /// been, a mean is off by less than a median, which takes the likelier for sure.
     #[must_use]
     pub fn middle(&self) -> Pose {
-        let near = |a: &Pose, b: &Pose| {
-            let off = a.minus(b);
-            off.x.hypot(off.y) < HEAP[0] && off.z.abs() < HEAP[1]
-        };
-        let neighbours = |pose: &Pose| self.poses.iter().filter(|other| near(pose, other)).count();
-        let seen = self.poses.iter().step_by(self.poses.len().div_ceil(SEEN));
-        let best = seen.max_by_key(|pose| neighbours(pose)).copied().unwrap_or(self.poses[0]);
-        let offs = self.poses.iter().filter(|other| near(&best, other)).map(|other| other.minus(&best));
-        let off: Vector3<f64> = mean(offs).unwrap_or_default();
-        Pose { x: best.x + off.x, y: best.y + off.y, theta: wrap_angle(best.theta + off.z) }
+        largest_heap(&self.poses).0.pose
     }
+
+    /// Heaps, largest first, until what is left of the cloud is less than this share of it.
+    #[must_use]
+    pub fn heaps(&self, left_over: f64) -> Vec<Heap> {
+        let mut rest = self.poses.clone();
+        let mut heaps = Vec::new();
+        while rest.len() as f64 > left_over * self.poses.len() as f64 && !rest.is_empty() {
+            let (heap, others) = largest_heap(&rest);
+            let share = heap.share * rest.len() as f64 / self.poses.len() as f64;
+            heaps.push(Heap { share, ..heap });
+            rest = others;
+        }
+        heaps
+    }
+}
+
+/// The poses near the one that has most near it, and the others.
+fn largest_heap(poses: &[Pose]) -> (Heap, Vec<Pose>) {
+    let near = |a: &Pose, b: &Pose| {
+        let off = a.minus(b);
+        off.x.hypot(off.y) < HEAP[0] && off.z.abs() < HEAP[1]
+    };
+    let neighbours = |pose: &Pose| poses.iter().filter(|other| near(pose, other)).count();
+    let seen = poses.iter().step_by(poses.len().div_ceil(SEEN));
+    let best = seen.max_by_key(|pose| neighbours(pose)).copied().unwrap_or(poses[0]);
+    let (within, others): (Vec<_>, Vec<_>) = poses.iter().copied().partition(|other| near(&best, other));
+    let off: Vector3<f64> = mean(within.iter().map(|other| other.minus(&best))).unwrap_or_default();
+    let squares = within.iter().map(|other| (other.minus(&best) - off).map(|part| part * part));
+    let sd: Vector3<f64> = mean(squares).unwrap_or_default();
+    let pose = Pose { x: best.x + off.x, y: best.y + off.y, theta: wrap_angle(best.theta + off.z) };
+    (Heap { pose, share: within.len() as f64 / poses.len() as f64, sd: sd.map(f64::sqrt).into() }, others)
 }
 
 /// Numbers of `count` of those with these weights, each as often as its weight says (systematic resampling: one random

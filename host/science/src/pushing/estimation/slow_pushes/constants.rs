@@ -44,6 +44,12 @@ impl SlowConstants {
         felt_late: 0.0,
     };
 
+    /// How pressure rises on a face of another part than the board's: alike for parts alike but for their size.
+    #[must_use]
+    pub fn pressure_rise_of(inertia_per_mass: f64) -> f64 {
+        Self::BOARD.pressure_rise * BOARD_GYRATION_M * BOARD_GYRATION_M / inertia_per_mass
+    }
+
     /// Fitted to the end poses of all five logs of the board (`learning::calibrated`), but for these:
     ///
     /// - `radius`: the fingertip's is 1 mm. With the tip's place along the tool it is one number but for pushes at an
@@ -64,6 +70,9 @@ impl SlowConstants {
         felt_late: -0.452e-3,
     };
 }
+
+/// Radius of gyration of the board's block: a right-angled triangle with legs of 150 mm.
+const BOARD_GYRATION_M: f64 = 0.05;
 
 /// How far a push's own numbers scatter about those of its log or set-up: standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -22,7 +22,7 @@ mod scene;
 mod tests;
 mod tip_gaps;
 
-pub use cloud::{Cloud, Kernel};
+pub use cloud::{Cloud, Heap, Kernel};
 pub use constants::{FilterSettings, SlowConstants, Spread};
 pub use felt::{FeltForce, FeltPush, Onset};
 pub use filter::{AfterPush, Before, ParameterBelief, SlowFilter};

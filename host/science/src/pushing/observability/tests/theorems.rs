@@ -257,6 +257,70 @@ proptest! {
     }
 }
 
+/// z₁ = x₁, z₂ = x₂ + x₁² of the linear system ż₁ = z₂, ż₂ = input: linear in disguise, so that it has what Theorems 14
+/// and 15 ask for.
+#[derive(Clone, Copy, Debug)]
+struct Disguised;
+
+impl Field<2> for Part3<Disguised> {
+    fn at<T: Number>(&self, &[first, second]: &[T; 2]) -> [T; 2] {
+        let (zero, rate) = (T::from(0.0), second + first * first);
+        match self {
+            Drift(_) => [rate, -(first * rate * 2.0)],
+            Tangential(_) | Normal(_) => [zero, T::from(1.0)],
+        }
+    }
+}
+
+proptest! {
+    /// Theorem 14: its condition 3 asks all repeated derivatives of the output by two inputs or more to vanish. Of (5.26)
+    /// L_gN L_f L_gN L_f u does not, with the printed value but at s = 0 and s = ±ρ; u is an angle here, so r is missing.
+    #[test]
+    fn theorem_14_fails_for_the_disk_and_the_polygon(push in sliding(0.0), motion in motion(), s in -0.03..0.03) {
+        let (f, g) = (Drift(push), Normal(push));
+        let twice = Lie(g, Lie(f, Lie(g, Lie(f, U))));
+        let value = |s: f64| twice.at(&at(motion, s));
+        let (rho2, s2): (f64, f64) = (push.rho_squared, s * s);
+        let printed = push.reach() * s * (s2 - rho2) / (s2 + rho2).powi(3);
+        // Against the largest it can be.
+        let scale = push.reach() / rho2.powf(1.5);
+        prop_assert!((value(s) - printed).abs() < 1e-9 * scale, "{} {printed}", value(s));
+        let rho = rho2.sqrt();
+        prop_assert!([0.0, rho, -rho].iter().all(|&s| value(s).abs() < 1e-9 * scale));
+        let far = f64::abs(s) > 0.1 * rho && (f64::abs(s) - rho).abs() > 0.1 * rho;
+        prop_assert!(!far || value(s).abs() > 1e-4 * scale, "{} of {scale}", value(s));
+    }
+
+    /// What Theorem 14 asks of a system that is linear in other coordinates holds: the derivatives are those it speaks of.
+    #[test]
+    fn theorem_14_holds_for_a_linear_system_in_disguise(x in [-2.0..2.0, -2.0..2.0_f64]) {
+        let (f, g) = (Drift(Disguised), Normal(Disguised));
+        let columns = [g.at(&x), Bracket(f, g).at(&x)];
+        let determinant = columns[0][0] * columns[1][1] - columns[0][1] * columns[1][0];
+        prop_assert!(determinant.abs() > 0.5, "{columns:?}");
+        let output = Component(0);
+        prop_assert_eq!(rank(&[differential(&output, &x), differential(&Lie(f, output), &x)]), 2);
+        prop_assert!((Lie(g, Lie(f, output)).at(&x) - 1.0).abs() < 1e-12);
+        let words = [
+            Lie(g, Lie(g, output)).at(&x),
+            Lie(g, Lie(g, Lie(f, output))).at(&x),
+            Lie(g, Lie(f, Lie(g, Lie(f, output)))).at(&x),
+            Lie(g, Lie(f, Lie(g, Lie(f, Lie(f, output))))).at(&x),
+            Lie(g, Lie(g, Lie(f, Lie(f, Lie(f, output))))).at(&x),
+        ];
+        prop_assert!(words.iter().all(|word| word.abs() < 1e-9), "{words:?}");
+    }
+
+    /// Theorem 15's condition holds for it without input, too: g is the field that only the first derivative feels.
+    #[test]
+    fn theorem_15_holds_for_a_linear_system_in_disguise(x in [-2.0..2.0, -2.0..2.0_f64]) {
+        let (f, g) = (Drift(Disguised), Normal(Disguised));
+        prop_assert!(Lie(g, Component(0)).at(&x).abs() < 1e-12 && (Lie(g, Lie(f, Component(0))).at(&x) - 1.0).abs() < 1e-12);
+        let bracket = Bracket(g, Bracket(f, g)).at(&x);
+        prop_assert!(bracket.iter().all(|part| part.abs() < 1e-12), "{bracket:?}");
+    }
+}
+
 /// Rolling without support friction: state (u, s, ω).
 #[derive(Clone, Copy, Debug)]
 struct Rolling {
@@ -348,6 +412,12 @@ proptest! {
         let printed = 2.0 * (c + s2).powi(2) * (-5.0 * c.powi(3) + 9.0 * c * c * s2 - 15.0 * c * s2 * s2 + 3.0 * s2.powi(3))
             / (r.powi(3) * omega.powi(3) * (c - s2).powi(4));
         prop_assert!((along / (r * r * printed) - 1.0).abs() < 1e-7, "{along} {printed}");
+        // ad_f g on the way there, of the same g.
+        let [none, beside, turn] = Bracket(f, unseen).at(&x);
+        let printed = 4.0 * s * (-2.0 * c * c - c * s2 + s2 * s2) / (r * omega * (c - s2).powi(2));
+        let scale = 4.0 * c.powf(2.5) / (r * omega.abs() * (c - s2).powi(2));
+        prop_assert!(none.abs() < 1e-12 && (beside - r * printed).abs() < 1e-9 * r * scale, "{beside} {printed}");
+        prop_assert!((turn + 1.0).abs() < 1e-9, "{turn}");
     }
 }
 

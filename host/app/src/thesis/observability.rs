@@ -1,0 +1,475 @@
+//! What a contact tells while nothing accelerates (thesis §5.2.2, §8.2.1), and at the degenerate contacts of Theorem 32.
+//!
+//! Implements: the questions that the thesis leaves open, as ranks: of Lie derivatives of raised order in two precisions for
+//! pushes, of sensitivities over a window for rolls. Verdicts are about the states drawn, not proofs for all.
+//! Units: singular values are shares of the largest, of states scaled by the part's size and √(size/g). Errors: none; a
+//! verdict that the precisions disagree about is a failure.
+
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
+use palpate::gravity::GRAVITY_ASSUMED;
+use palpate::math::random::Draw;
+use palpate::math::statistics::percentile;
+use palpate::pushing::observability::Scales;
+use palpate::pushing::observability::constant_velocity::{ConstantContact, ConstantPush, Told};
+use palpate::rolling::{Egg, Inputs, Model, RollState, RollingBody, RoundedShape, Spin, observability};
+
+use super::cases::{of_each, until_possible};
+use super::{Cell, Experiment, Table, TableSettings};
+use crate::pictures::plot::{Chart, Colour, Dash, Figure, Stroke};
+
+/// Pushes at constant velocity.
+pub(super) const PUSHES: Experiment = Experiment {
+    name: "observability",
+    title: "what a push tells while the finger does not accelerate, by order and precision",
+    cases: 1000,
+    run: pushes,
+};
+
+/// Rolls on a palm that does not accelerate, and the degenerate contacts of Theorem 32.
+pub(super) const ROLLS: Experiment = Experiment {
+    name: "7-observability",
+    title: "what a roll tells while the palm does not accelerate, and where Theorem 32 is silent",
+    cases: 100,
+    run: rolls,
+};
+
+/// Orders of derivatives that are compared.
+const ORDERS: [usize; 4] = [3, 4, 8, 12];
+
+/// Twofold and plain precision may differ by this in the last pivot of what shows, relative.
+const PRECISIONS_AGREE: f64 = 1e-2;
+
+/// Below this last pivot plain precision has no digits left to agree with.
+const PLAIN_SEES: f64 = 1e-11;
+
+/// What a state of a push is drawn like.
+#[derive(Clone, Copy)]
+struct Kind {
+    name: &'static str,
+    contact: fn(&mut Draw) -> ConstantContact,
+    on_ice: bool,
+    special: fn(&mut ConstantPush),
+}
+
+fn as_drawn(_: &mut ConstantPush) {}
+
+fn not_turning(push: &mut ConstantPush) {
+    push.state[1] = 0.0;
+}
+
+fn not_turning_nor_slipping(push: &mut ConstantPush) {
+    push.state[1] = 0.0;
+    push.state[2] = push.finger[0];
+}
+
+/// In line behind the centre of mass, going as the finger does: nothing will ever change.
+fn in_line(push: &mut ConstantPush) {
+    // Three alike feet, the centre of mass between them: their friction has no moment in translation.
+    push.feet = [0.0_f64, 2.1, 4.2].map(|angle| [0.015 * angle.cos(), 0.015 * angle.sin(), 1.0 / 3.0]).to_vec();
+    let middle = [0, 1].map(|axis| push.feet.iter().map(|foot| foot[axis]).sum::<f64>() / 3.0);
+    push.feet.iter_mut().for_each(|foot| (foot[0], foot[1]) = (foot[0] - middle[0], foot[1] - middle[1]));
+    push.state = [0.0, 0.0, 0.0];
+    push.finger[0] = 0.0;
+}
+
+fn beside_gyration(push: &mut ConstantPush) {
+    push.state[0] = (push.height * push.height + push.inertia_per_mass).sqrt();
+}
+
+fn frictionless(_: &mut Draw) -> ConstantContact {
+    ConstantContact::Slides(0.0)
+}
+
+fn rolls_on_it(_: &mut Draw) -> ConstantContact {
+    ConstantContact::Rolls
+}
+
+fn slides(draw: &mut Draw) -> ConstantContact {
+    let friction = draw.uniform(0.05, 0.4);
+    ConstantContact::Slides(if draw.chance(0.5) { friction } else { -friction })
+}
+
+const KINDS: [Kind; 15] = [
+    Kind { name: "no friction, table", contact: frictionless, on_ice: false, special: as_drawn },
+    Kind { name: "rolling, table", contact: rolls_on_it, on_ice: false, special: as_drawn },
+    Kind { name: "sliding, table", contact: slides, on_ice: false, special: as_drawn },
+    Kind { name: "no friction, ice", contact: frictionless, on_ice: true, special: as_drawn },
+    Kind { name: "rolling, ice", contact: rolls_on_it, on_ice: true, special: as_drawn },
+    Kind { name: "sliding, ice", contact: slides, on_ice: true, special: as_drawn },
+    Kind { name: "rolling, ice, s²=h²+ρ²", contact: rolls_on_it, on_ice: true, special: beside_gyration },
+    Kind { name: "no friction, ice, ω=0", contact: frictionless, on_ice: true, special: not_turning },
+    Kind { name: "rolling, ice, ω=0", contact: rolls_on_it, on_ice: true, special: not_turning },
+    Kind { name: "sliding, ice, ω=0", contact: slides, on_ice: true, special: not_turning },
+    Kind { name: "no friction, table, ω=0", contact: frictionless, on_ice: false, special: not_turning },
+    Kind {
+        name: "no friction, table, with the finger",
+        contact: frictionless,
+        on_ice: false,
+        special: not_turning_nor_slipping,
+    },
+    Kind { name: "rolling, table, ω=0", contact: rolls_on_it, on_ice: false, special: not_turning },
+    Kind { name: "no friction, table, in line", contact: frictionless, on_ice: false, special: in_line },
+    Kind { name: "rolling, table, in line", contact: rolls_on_it, on_ice: false, special: in_line },
+];
+
+impl Kind {
+    /// A push whose contact lasts, but for what makes it special.
+    fn drawn(&self, draw: &mut Draw) -> ConstantPush {
+        until_possible(draw, |draw| {
+            let rho = draw.uniform(0.012, 0.03);
+            let feet = [0, 1, 2].map(|k| {
+                let angle = 2.1 * f64::from(k) + draw.uniform(-0.5, 0.5);
+                let (distance, share) = (draw.uniform(0.5, 1.4) * rho, draw.uniform(0.2, 0.5));
+                [distance * angle.cos(), distance * angle.sin(), share]
+            });
+            let mut push = ConstantPush {
+                radius: draw.uniform(0.003, 0.02),
+                height: draw.uniform(0.5, 1.5) * rho,
+                inertia_per_mass: rho * rho,
+                mu_g: if self.on_ice { 0.0 } else { draw.uniform(0.1, 0.6) * GRAVITY_ASSUMED },
+                feet: feet.to_vec(),
+                contact: (self.contact)(draw),
+                state: [draw.uniform(-1.3, 1.3) * rho, draw.uniform(-2.0, 2.0), draw.uniform(-0.03, 0.03)],
+                finger: [draw.uniform(-0.03, 0.03), draw.uniform(-0.08, -0.02)],
+            };
+            (self.special)(&mut push);
+            // On ice a part that does not turn needs no force.
+            (push.normal_force() > 0.0 || self.on_ice && push.state[1] == 0.0).then_some(push)
+        })
+    }
+}
+
+/// Units of a push: its radius of gyration, and the time in which friction forgets a speed or √(L/g), whichever is shorter.
+fn scales(push: &ConstantPush) -> Scales {
+    let length = push.inertia_per_mass.sqrt();
+    let speed = push.finger[0].hypot(push.finger[1]);
+    let forgets = if push.mu_g > 0.0 { speed / push.mu_g } else { f64::INFINITY };
+    Scales { length, time: (length / GRAVITY_ASSUMED).sqrt().min(forgets) }
+}
+
+fn least(told: &Told) -> f64 {
+    told.spectrum.singular_values.last().copied().unwrap_or(0.0)
+}
+
+fn pushes(settings: &TableSettings) -> Table {
+    let mut table = Table::new([
+        "state",
+        "unknowns",
+        "observable, order 3",
+        "order 4",
+        "order 8",
+        "order 12",
+        "rank",
+        "least singular value",
+        "median",
+        "last pivot, 16 digits",
+        "31 digits",
+    ]);
+    table.definitions = [
+        "Drawn: disk, edge, inertia, three feet with their shares of the weight, state and constant velocity of the finger at random, so that the contact presses. ice: no friction under the part; with the finger: it neither turns nor slips; in line: it goes as the finger does, its centre of mass and of pressure straight ahead of the contact.",
+        "observable, order n: the share of states for which the differentials of u and its first n derivatives have full rank, by the last pivot in twofold precision (above 1e-22). rank: the least at order 12. Singular values at order 12, as shares of the largest. last pivot: the least of all states in double and in twofold precision; what is 0 but for rounding differs by 16 digits.",
+    ]
+    .map(str::to_owned)
+    .to_vec();
+    let small = |value: f64| Cell::from(format!("{value:.0e}"));
+    for (number, kind) in KINDS.iter().enumerate() {
+        let told = of_each(settings.cases, |case| {
+            let push = kind.drawn(&mut Draw::case(settings.seed, 1_000_000 * number + case));
+            let scales = scales(&push);
+            (push.dimension(), ORDERS.map(|order| push.told(order, &scales)))
+        });
+        let Some(dimension) = told.first().map(|(dimension, _)| *dimension) else { continue };
+        let share =
+            |order: usize| Cell::share(told.iter().filter(|(_, told)| told[order].observable()).count(), told.len());
+        let last: Vec<_> = told.iter().map(|(_, told)| &told[3]).collect();
+        let singular: Vec<f64> = last.iter().map(|told| least(told)).collect();
+        let lowest = |of: &dyn Fn(&Told) -> f64| last.iter().map(|told| of(told)).fold(f64::INFINITY, f64::min);
+        // Of what shows to 31 digits; singular values stop at rounding.
+        let rank = last
+            .iter()
+            .map(|told| if told.observable() { dimension } else { told.spectrum.rank().min(dimension - 1) })
+            .min();
+        table.push([
+            kind.name.into(),
+            Cell::count(dimension),
+            share(0),
+            share(1),
+            share(2),
+            share(3),
+            Cell::count(rank.unwrap_or(0)),
+            small(lowest(&least)),
+            percentile(singular.iter().copied(), 50).map_or(Cell::Empty, small),
+            small(lowest(&|told: &Told| told.last_pivot[0])),
+            small(lowest(&|told: &Told| told.last_pivot[1])),
+        ]);
+        for (case, told) in last.iter().enumerate() {
+            let [plain, twofold] = told.last_pivot;
+            if twofold > PLAIN_SEES && (plain / twofold - 1.0).abs() > PRECISIONS_AGREE {
+                table.failures.push(format!("{}, case {case}: pivots {plain:e} and {twofold:e}", kind.name));
+            }
+        }
+    }
+    table
+}
+
+/// How well a push tells its state by how fast the part turns, on a table and on ice.
+pub(super) fn figures(_: &TableSettings) -> Vec<(String, Figure)> {
+    let caption = [
+        "The least singular value of what a push at constant velocity tells, up to order 12, by how fast the part turns. On ice it falls to 0".to_owned(),
+        "where the part does not turn: its place on the finger then changes nothing. On a table friction turns the part, and all shows.".to_owned(),
+    ];
+    let mut chart = Chart::new("", ["ω [rad/s]", "log10 of the least singular value"]);
+    for (name, contact, mu_g, stroke) in [
+        ("no friction at the finger, table", ConstantContact::Slides(0.0), 3.0, Stroke::solid(Colour::BLUE, 1.8)),
+        ("the same, ice", ConstantContact::Slides(0.0), 0.0, Stroke::solid(Colour::BLUE, 1.8).with(Dash::Dashed)),
+        ("rolling, table", ConstantContact::Rolls, 3.0, Stroke::solid(Colour::VERMILLION, 1.8)),
+        ("the same, ice", ConstantContact::Rolls, 0.0, Stroke::solid(Colour::VERMILLION, 1.8).with(Dash::Dashed)),
+    ] {
+        let curve: Vec<_> = (-100..=100)
+            .map(|k| 0.02 * f64::from(k))
+            .filter_map(|omega| {
+                let push = ConstantPush {
+                    radius: 0.01,
+                    height: 0.02,
+                    inertia_per_mass: 4e-4,
+                    mu_g,
+                    feet: vec![[0.018, 0.0, 0.3], [-0.01, 0.016, 0.4], [-0.008, -0.017, 0.3]],
+                    contact,
+                    state: [0.006, omega, 0.012],
+                    finger: [0.0, -0.05],
+                };
+                // The same unit of time for all curves.
+                let told = push.told(12, &Scales { length: 0.02, time: 0.015 });
+                Some([omega, least(&told).log10()]).filter(|point| point[1] > -16.0)
+            })
+            .collect();
+        chart.curve(name, &curve, stroke);
+    }
+    let figure = Figure::new("What a push at constant velocity tells", 760.0, 500.0).subtitles(&caption);
+    vec![("observability".to_owned(), figure.column(1.0, vec![chart.into()]))]
+}
+
+/// A random body without symmetry of revolution.
+fn body(draw: &mut Draw) -> Option<RollingBody> {
+    let axes = [draw.uniform(0.018, 0.025), draw.uniform(0.027, 0.033), draw.uniform(0.036, 0.05)];
+    match draw.index(3) {
+        0 => RollingBody::rounded(RoundedShape { semi_axes: [axes[0], axes[1], 0.8 * axes[1]], radius: 0.012 }, None)
+            .ok(),
+        1 => {
+            // The inertia of the ellipsoid that it comes from: any will do.
+            let inertia = [[1, 2], [0, 2], [0, 1]].map(|[a, b]| (axes[a] * axes[a] + axes[b] * axes[b]) / 5.0);
+            RollingBody::egg(Egg { semi_axes: axes, skew: 0.1 * axes[0], origin: 0.0 }, Some(inertia)).ok()
+        }
+        _ => RollingBody::ellipsoid(axes).ok(),
+    }
+}
+
+fn turning(draw: &mut Draw, spin: Spin, attitude: UnitQuaternion<f64>) -> RollState {
+    let omega = Vector3::new(draw.normal(), draw.normal(), draw.normal()) * 6.0;
+    let mut state = RollState { orientation: attitude.into_inner(), omega, u: Vector2::zeros() };
+    if spin == Spin::NoSpin {
+        let normal = state.normal();
+        state.omega -= normal * normal.dot(&state.omega);
+    }
+    state
+}
+
+fn attitude(draw: &mut Draw) -> UnitQuaternion<f64> {
+    let q = nalgebra::Quaternion::new(draw.normal(), draw.normal(), draw.normal(), draw.normal());
+    UnitQuaternion::from_quaternion(q)
+}
+
+/// An attitude in which the body stands on the end of its third axis, turned about it.
+fn on_its_end(draw: &mut Draw) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_axis_angle(&Vector3::z_axis(), draw.uniform(-3.0, 3.0))
+}
+
+/// Where det(b₁, b₂, β) changes its sign on a random arc of attitudes, found by halving.
+fn determinant_zero(draw: &mut Draw, body: &RollingBody, spin: Spin) -> Option<UnitQuaternion<f64>> {
+    const STEP: f64 = 0.02;
+    let (from, axis) = (attitude(draw), Vector3::new(draw.normal(), draw.normal(), draw.normal()).normalize());
+    let at = |angle: f64| UnitQuaternion::from_scaled_axis(axis * angle) * from;
+    let determinant = |angle: f64| {
+        let state = RollState { orientation: at(angle).into_inner(), omega: Vector3::zeros(), u: Vector2::zeros() };
+        let told = observability(&Model { body, spin }, &state, GRAVITY_ASSUMED, Inputs::Zero).ok()?;
+        told.sufficient_condition.determinant
+    };
+    // Not where it jumps, at an umbilic.
+    let low = (0..100).map(|k| STEP * f64::from(k)).find(|&angle| {
+        matches!((determinant(angle), determinant(angle + STEP)), (Some(a), Some(b)) if a * b < 0.0 && (a - b).abs() < 0.5)
+    })?;
+    let (mut low, mut high) = (low, low + STEP);
+    for _ in 0..50 {
+        let middle = 0.5 * (low + high);
+        let same = determinant(low)? * determinant(middle)? > 0.0;
+        *(if same { &mut low } else { &mut high }) = middle;
+    }
+    (determinant(low)?.abs() < 1e-6).then(|| at(low))
+}
+
+type State = fn(&mut Draw, Spin) -> Option<(RollingBody, RollState)>;
+
+fn any(draw: &mut Draw, spin: Spin) -> Option<(RollingBody, RollState)> {
+    let (body, attitude) = (body(draw)?, attitude(draw));
+    Some((body, turning(draw, spin, attitude)))
+}
+
+fn released(draw: &mut Draw, spin: Spin) -> Option<(RollingBody, RollState)> {
+    let (body, state) = any(draw, spin)?;
+    Some((body, RollState { omega: Vector3::zeros(), ..state }))
+}
+
+fn without_determinant(draw: &mut Draw, spin: Spin) -> Option<(RollingBody, RollState)> {
+    let body =
+        RollingBody::ellipsoid([draw.uniform(0.018, 0.025), draw.uniform(0.027, 0.033), draw.uniform(0.036, 0.05)])
+            .ok()?;
+    let attitude = determinant_zero(draw, &body, spin)?;
+    Some((body, turning(draw, spin, attitude)))
+}
+
+fn of_revolution(draw: &mut Draw, spin: Spin) -> Option<(RollingBody, RollState)> {
+    let (waist, attitude) = (draw.uniform(0.02, 0.03), attitude(draw));
+    let body = RollingBody::ellipsoid([waist, waist, draw.uniform(0.032, 0.05)]).ok()?;
+    Some((body, turning(draw, spin, attitude)))
+}
+
+fn on_a_vertex_at_rest(draw: &mut Draw, _: Spin) -> Option<(RollingBody, RollState)> {
+    let body = RollingBody::ellipsoid([0.02, 0.03, draw.uniform(0.035, 0.05)]).ok()?;
+    Some((body, RollState { orientation: on_its_end(draw).into_inner(), omega: Vector3::zeros(), u: Vector2::zeros() }))
+}
+
+fn on_a_vertex(draw: &mut Draw, spin: Spin) -> Option<(RollingBody, RollState)> {
+    let (body, _) = on_a_vertex_at_rest(draw, spin)?;
+    let attitude = on_its_end(draw);
+    Some((body, turning(draw, spin, attitude)))
+}
+
+fn on_a_pole(draw: &mut Draw, spin: Spin) -> Option<(RollingBody, RollState)> {
+    let waist = draw.uniform(0.02, 0.03);
+    let (body, attitude) = (RollingBody::ellipsoid([waist, waist, draw.uniform(0.032, 0.05)]).ok()?, on_its_end(draw));
+    Some((body, turning(draw, spin, attitude)))
+}
+
+fn sphere(draw: &mut Draw, spin: Spin) -> Option<(RollingBody, RollState)> {
+    let (body, attitude) = (RollingBody::ellipsoid([draw.uniform(0.02, 0.04); 3]).ok()?, attitude(draw));
+    Some((body, turning(draw, spin, attitude)))
+}
+
+const ROLL_KINDS: [(&str, State); 8] = [
+    ("any", any),
+    ("any, released at rest", released),
+    ("det(b1, b2, β) = 0", without_determinant),
+    ("on a vertex", on_a_vertex),
+    ("on a vertex at rest", on_a_vertex_at_rest),
+    ("of revolution", of_revolution),
+    ("of revolution, on its pole", on_a_pole),
+    ("sphere", sphere),
+];
+
+fn rolls(settings: &TableSettings) -> Table {
+    let mut table = Table::new([
+        "state",
+        "spin",
+        "unknowns",
+        "condition holds",
+        "rank, palm at rest",
+        "rank, palm moving",
+        "least seen, palm at rest",
+        "largest unseen",
+        "least β·(Iz)",
+    ]);
+    table.definitions = [
+        "Drawn: ellipsoids, eggs and rounded bodies at random attitudes, turning by 6 rad/s a component. Ranks: of the sensitivities of the contact's path over 4√(L/g) by the state, from the least to the most found; palm moving: accelerated in all directions. condition holds: all of Theorem 32.",
+        "least seen and largest unseen: singular values, as shares of the largest, above and below 1e-7, the least and largest of all states. β·(Iz): over m L³, or h(n)/L without spin: (7.33) fails only where it is 0.",
+    ]
+    .map(str::to_owned)
+    .to_vec();
+    for (number, (name, state)) in ROLL_KINDS.iter().enumerate() {
+        for (spin, spin_name) in [(Spin::Free, "free"), (Spin::NoSpin, "none")] {
+            let told = of_each(settings.cases, |case| {
+                let mut draw = Draw::case(settings.seed, 1_000_000 * number + case);
+                let (body, state) = until_possible(&mut draw, |draw| state(draw, spin));
+                let model = Model { body: &body, spin };
+                let told = [Inputs::Zero, Inputs::Generic]
+                    .map(|inputs| observability(&model, &state, GRAVITY_ASSUMED, inputs).ok());
+                (model.dimension(), told)
+            });
+            let Some(unknowns) = told.first().map(|(dimension, _)| *dimension) else { continue };
+            let rest: Vec<_> = told.iter().filter_map(|(_, [rest, _])| rest.as_ref()).collect();
+            let moving: Vec<_> = told.iter().filter_map(|(_, [_, moving])| moving.as_ref()).collect();
+            let ranks = |told: &[&palpate::rolling::RollObservability]| {
+                let ranks = || told.iter().map(|told| told.spectrum.rank());
+                let (low, high) = (ranks().min().unwrap_or(0), ranks().max().unwrap_or(0));
+                Cell::from(if low == high { low.to_string() } else { format!("{low} to {high}") })
+            };
+            let seen = rest
+                .iter()
+                .map(|told| told.spectrum.singular_values[told.spectrum.rank() - 1])
+                .fold(f64::INFINITY, f64::min);
+            let unseen = rest
+                .iter()
+                .filter_map(|told| told.spectrum.singular_values.get(told.spectrum.rank()))
+                .copied()
+                .fold(0.0, f64::max);
+            let holds = rest.iter().filter(|told| told.sufficient_condition.holds).count();
+            let term = rest
+                .iter()
+                .map(|told| told.sufficient_condition.contact_and_inertia.abs())
+                .fold(f64::INFINITY, f64::min);
+            table.push([
+                (*name).into(),
+                spin_name.into(),
+                Cell::count(unknowns),
+                Cell::share(holds, rest.len()),
+                ranks(&rest),
+                ranks(&moving),
+                format!("{seen:.0e}").into(),
+                if unseen > 0.0 { format!("{unseen:.0e}").into() } else { Cell::Empty },
+                Cell::number(term, 3),
+            ]);
+            if rest.len() < told.len() {
+                table
+                    .failures
+                    .push(format!("{name}, spin {spin_name}: {} could not be followed", told.len() - rest.len()));
+            }
+        }
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_shows_at_constant_velocity_is_what_the_page_says() {
+        let table = pushes(&TableSettings { cases: 20, seed: 1, jobs: None });
+        assert!(table.failures.is_empty(), "{table}");
+        let full = |row: &[Cell]| matches!(row[5], Cell::Share(share) if share > 0.999);
+        for row in table.rows() {
+            let name = row[0].to_string();
+            // On ice a part that does not turn hides its place.
+            let hides = name.contains("ice, ω=0");
+            assert_eq!(full(row), !hides, "{name}: {table}");
+        }
+    }
+
+    #[test]
+    fn what_shows_on_a_palm_at_rest_is_what_the_page_says() {
+        let table = rolls(&TableSettings { cases: 4, seed: 1, jobs: None });
+        assert!(table.failures.is_empty(), "{table}");
+        let ranks = |name: &str| {
+            let rows = table.rows().filter(|row| row[0].to_string() == name);
+            rows.map(|row| row[4].to_string()).collect::<Vec<_>>()
+        };
+        for (name, wanted) in [
+            ("any", ["8", "7"]),
+            ("det(b1, b2, β) = 0", ["8", "7"]),
+            ("on a vertex at rest", ["6", "6"]),
+            ("of revolution", ["7", "6"]),
+            ("sphere", ["4", "4"]),
+        ] {
+            assert_eq!(ranks(name), wanted, "{name}: {table}");
+        }
+    }
+}

@@ -1,0 +1,310 @@
+//! What the contact angle tells of a push whose finger does not accelerate (thesis §5.2.2, §8.2.1): its Lie derivatives to
+//! any order, in either precision.
+//!
+//! Theorems 19, 21 and 23 let the finger accelerate. Without that only u and its derivatives along the drift are left. They
+//! are the coefficients of u as a power series of time; here with their derivatives by the state at its start, exact but
+//! for rounding, and rounding of two kinds.
+//!
+//! Implements: the drifts of (5.27), (5.39) and of sliding contact with the signs put right, and support friction on a few
+//! feet, which bear known shares of the weight. The finger's velocity along T and N are states with known values, which
+//! turn with the contact, so no angle's sine is needed.
+//! Assumes: the contact lasts in its mode. Units: SI; scaled as [`Scales`] says. Errors: none.
+
+use nalgebra::DMatrix;
+
+use super::Scales;
+use crate::math::twofold::{Twofold, expanded};
+use crate::math::{Arithmetic, Jet, Spectrum};
+
+/// How many coefficients of u are made: orders 0 to 12.
+pub const ORDERS: usize = 13;
+
+/// A push at one instant, its finger at constant velocity.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ConstantPush {
+    /// Of the disk, m.
+    pub radius: f64,
+    /// Distance h of the edge's line from the centre of mass, m.
+    pub height: f64,
+    /// Inertia over mass ρ², m².
+    pub inertia_per_mass: f64,
+    /// What friction of the plane decelerates the part by, m/s²; 0 for none.
+    pub mu_g: f64,
+    /// Feet: distance from the centre of mass along the edge's normal and along the edge (m), share of the weight.
+    pub feet: Vec<[f64; 3]>,
+    /// What the contact does.
+    pub contact: ConstantContact,
+    /// s, ω and v_T (m, rad/s, m/s); in rolling v_T follows.
+    pub state: [f64; 3],
+    /// The finger's velocity along T and along N, m/s.
+    pub finger: [f64; 2],
+}
+
+/// What a contact does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ConstantContact {
+    /// Slides with this signed friction m; 0 without friction.
+    Slides(f64),
+    /// Rolls.
+    Rolls,
+}
+
+/// What the derivatives of u up to an order tell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Told {
+    /// Singular values of their differentials, scaled, in twofold precision up to the last step.
+    pub spectrum: Spectrum,
+    /// Of the elimination of the differentials with full pivoting the last pivot over the first, in `f64` and in twofold
+    /// precision: what is 0 but for rounding differs between them by many orders of magnitude.
+    pub last_pivot: [f64; 2],
+}
+
+impl Told {
+    /// Whether every change of the state shows, and would in any precision.
+    #[must_use]
+    pub fn observable(&self) -> bool {
+        self.last_pivot[1] > PIVOT_NONE
+    }
+}
+
+/// Below this last pivot, in twofold precision, something is unseen: rounding is at 1e-30, and what shows in `f64` at all
+/// is above 1e-14.
+pub const PIVOT_NONE: f64 = 1e-22;
+
+impl ConstantPush {
+    /// How many numbers the state has: u, s, ω and, unless the contact rolls, v_T.
+    #[must_use]
+    pub fn dimension(&self) -> usize {
+        if self.contact == ConstantContact::Rolls { 3 } else { 4 }
+    }
+
+    /// The contact force into the part per mass, m/s²: the contact lasts where it is above 0.
+    #[must_use]
+    pub fn normal_force(&self) -> f64 {
+        let [s, omega, v_t] = self.state;
+        self.motion(&[0.0, s, omega, self.v_t(omega, v_t, self.finger[0]), self.finger[0], self.finger[1]]).1
+    }
+
+    /// What the derivatives of u up to an order below [`ORDERS`] tell of the state.
+    #[must_use]
+    pub fn told(&self, order: usize, scales: &Scales) -> Told {
+        let rows = self.rows::<Twofold>(order, scales);
+        let states = self.dimension();
+        let matrix = DMatrix::from_fn(rows.len().max(states), states, |row, column| {
+            rows.get(row).map_or(0.0, |row| row[column].re())
+        });
+        Told {
+            spectrum: Spectrum::of(matrix),
+            last_pivot: [last_pivot(self.rows::<f64>(order, scales), states), last_pivot(rows, states)],
+        }
+    }
+
+    /// The differentials of the coefficients of u, scaled.
+    fn rows<A: Arithmetic>(&self, order: usize, scales: &Scales) -> Vec<[A; 4]> {
+        let [s, omega, v_t] = self.state;
+        let [finger_t, finger_n] = self.finger;
+        let number = |value: f64, slopes: [f64; 4]| Jet { value: A::from(value), slopes: slopes.map(A::from) };
+        // The finger's velocity is known in world axes: T turns by N, and N by −T.
+        let finger = [number(finger_t, [finger_n, 0.0, 0.0, 0.0]), number(finger_n, [-finger_t, 0.0, 0.0, 0.0])];
+        let (s, omega) = (number(s, [0.0, 1.0, 0.0, 0.0]), number(omega, [0.0, 0.0, 1.0, 0.0]));
+        let free = number(v_t, [0.0, 0.0, 0.0, 1.0]);
+        let v_t =
+            if self.contact == ConstantContact::Rolls { finger[0] + omega * Jet::from(self.height) } else { free };
+        let start = [number(0.0, [1.0, 0.0, 0.0, 0.0]), s, omega, v_t, finger[0], finger[1]];
+        let path = expanded::<Jet<4, A>, 6, ORDERS>(start, |states| self.motion(states).0);
+        let scaled = scales.of_states();
+        let row = |k: usize| {
+            // A coefficient of the k-th power of time, in units of time.
+            let unit = scales.time.powi(i32::try_from(k).unwrap_or(i32::MAX));
+            std::array::from_fn(|column| path[0].0[k].slopes[column] * A::from(scaled[column] * unit))
+        };
+        (0..=order.min(ORDERS - 1)).map(row).collect()
+    }
+
+    fn v_t(&self, omega: f64, v_t: f64, finger_t: f64) -> f64 {
+        if self.contact == ConstantContact::Rolls { finger_t + self.height * omega } else { v_t }
+    }
+
+    /// Rates of u, s, ω, v_T, v_FT and v_FN, and the normal force.
+    fn motion<A: Arithmetic>(&self, &[_, s, omega, v_t, finger_t, finger_n]: &[A; 6]) -> ([A; 6], A) {
+        let of = |value: f64| A::from(value);
+        let (h, r, rho2) = (of(self.height), of(self.radius), of(self.inertia_per_mass));
+        let v_n = finger_n + s * omega;
+        // Friction of the plane along T and N, and its moment, per mass.
+        let zero = of(0.0);
+        let (mut along, mut normal, mut moment) = (zero, zero, zero);
+        for &[a, b, share] in self.feet.iter().filter(|_| self.mu_g > 0.0) {
+            let (t, n) = (v_t - omega * of(a), v_n - omega * of(b));
+            let scale = of(-self.mu_g * share) / (t * t + n * n).sqrt();
+            let (force_t, force_n) = (t * scale, n * scale);
+            along = along + force_t;
+            normal = normal + force_n;
+            moment = moment - force_t * of(a) - force_n * of(b);
+        }
+        let slip = v_t - finger_t;
+        let (rates_s, rates_omega, rates_v_t, force) = match self.contact {
+            ConstantContact::Rolls => {
+                let turn = (s * normal + h * along + moment + r * s * omega * omega) / (rho2 + h * h + s * s);
+                let force = normal - (turn * s + omega * omega * (h - r));
+                let rate = turn * h + omega * finger_n;
+                (-(omega * r), turn, rate, force)
+            }
+            ConstantContact::Slides(m) => {
+                let (m, reach) = (of(m), r + h);
+                let arm = s - m * h;
+                let closing = omega * omega * reach - of(2.0) * omega * slip + normal - s * moment / rho2;
+                let force = closing / (of(1.0) + s * arm / rho2);
+                (slip - omega * reach, (force * arm + moment) / rho2, m * force + along + omega * v_n, force)
+            }
+        };
+        ([omega, rates_s, rates_omega, rates_v_t, omega * finger_n, -(omega * finger_t)], force)
+    }
+}
+
+/// Of an elimination with full pivoting, the last pivot over the first.
+fn last_pivot<A: Arithmetic>(mut rows: Vec<[A; 4]>, states: usize) -> f64 {
+    let mut columns: Vec<usize> = (0..states).collect();
+    let (mut first, mut last) = (0.0, 0.0);
+    for step in 0..states {
+        let places = (step..rows.len()).flat_map(|row| columns.iter().map(move |&column| (row, column)));
+        let size = |&(row, column): &(usize, usize)| rows[row][column].re().abs();
+        let Some((row, column)) = places.max_by(|a, b| size(a).total_cmp(&size(b))) else { return 0.0 };
+        last = size(&(row, column));
+        if step == 0 {
+            first = last;
+        }
+        if last == 0.0 {
+            return 0.0;
+        }
+        rows.swap(step, row);
+        columns.retain(|&left| left != column);
+        let pivot = rows[step];
+        for row in &mut rows[step + 1..] {
+            let factor = row[column] / pivot[column];
+            for &left in &columns {
+                row[left] = row[left] - factor * pivot[left];
+            }
+        }
+    }
+    last / first
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Point2, Vector2};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::geometry::SimplePolygon;
+    use crate::pushing::dynamics::{ContactMode, Finger, Mass, Part, PushModel, Slip, State};
+
+    const SCALES: Scales = Scales { length: 0.02, time: 0.045 };
+
+    fn pushes() -> impl Strategy<Value = ConstantPush> {
+        let contact = prop_oneof![
+            Just(ConstantContact::Rolls),
+            Just(ConstantContact::Slides(0.0)),
+            (0.1..0.4).prop_map(ConstantContact::Slides),
+            (-0.4..-0.1).prop_map(ConstantContact::Slides),
+        ];
+        let feet = [
+            [-0.02..0.02, -0.02..0.02, 0.2..0.4_f64],
+            [-0.02..0.02, -0.02..0.02, 0.2..0.4],
+            [-0.02..0.02, -0.02..0.02, 0.2..0.4],
+        ];
+        let state = [-0.02..0.02, -2.0..2.0, -0.03..0.03_f64];
+        (0.005..0.02, 0.01..0.03, 0.01..0.03_f64, 0.5..4.0_f64, feet, contact, state, -0.02..0.02_f64, -0.08..-0.03_f64)
+            .prop_map(|(radius, height, rho, mu_g, feet, contact, state, along, into)| ConstantPush {
+                radius,
+                height,
+                inertia_per_mass: rho * rho,
+                mu_g,
+                feet: feet.to_vec(),
+                contact,
+                state,
+                finger: [along, into],
+            })
+    }
+
+    proptest! {
+        /// The rates are those of the library's push on the same feet.
+        #[test]
+        fn the_motion_is_that_of_the_simulated_push(push in pushes()) {
+            let (h, u) = (push.height, std::f64::consts::FRAC_PI_2);
+            // Edge 0 runs along x, its normal is −y: a foot at (a, b) along normal and edge is at (b, −a).
+            let outline = [[-0.05, -h], [0.05, -h], [0.05, 0.05], [-0.05, 0.05]].map(Point2::from);
+            let feet: Vec<_> = push.feet.iter().map(|&[a, b, share]| (Point2::new(b, -a), share)).collect();
+            let mass = Mass { centre_of_mass: Point2::origin(), inertia_per_mass: push.inertia_per_mass };
+            let part = Part::on_feet(SimplePolygon::new(outline).unwrap(), &feet, mass);
+            // T = (−1, 0) and N = (0, −1) at u = 90°.
+            let velocity0 = Vector2::new(-push.finger[0], -push.finger[1]);
+            let finger = Finger { radius: push.radius, centre0: Point2::origin(), velocity0, acceleration: Vector2::zeros() };
+            let model = PushModel { part: &part, edge: part.edge(0).unwrap(), mu_g: push.mu_g, finger };
+            let [s, omega, v_t] = push.state;
+            let v_t = push.v_t(omega, v_t, push.finger[0]);
+            let mode = match push.contact {
+                ConstantContact::Rolls => ContactMode::Rolling,
+                ConstantContact::Slides(m) => ContactMode::Sliding { friction: m.abs(), slip: if m < 0.0 { Slip::Backward } else { Slip::Forward } },
+            };
+            let motion = model.motion(&mode, 0.0, &State { u, s, omega, v_t });
+            let (ours, force) = push.motion(&[u, s, omega, v_t, push.finger[0], push.finger[1]]);
+            let wanted = [motion.rates.u, motion.rates.s, motion.rates.omega];
+            for (ours, wanted) in ours.iter().zip(wanted) {
+                prop_assert!((ours - wanted).abs() < 1e-9 * (1.0 + wanted.abs()), "{ours} {wanted} {push:?}");
+            }
+            if mode != ContactMode::Rolling {
+                prop_assert!((ours[3] - motion.rates.v_t).abs() < 1e-9 * (1.0 + motion.rates.v_t.abs()));
+            }
+            prop_assert!((force - motion.normal_force).abs() < 1e-9 * (1.0 + force.abs()), "{force} {motion:?}");
+        }
+
+        /// More derivatives tell no less, and both precisions say the same of what shows.
+        #[test]
+        fn a_raised_order_tells_no_less(push in pushes()) {
+            let told = [3, 5, 8, 12].map(|order| push.told(order, &SCALES));
+            for pair in told.windows(2) {
+                prop_assert!(pair[1].observable() || !pair[0].observable(), "{told:?}");
+            }
+            if told[3].last_pivot[1] > 1e-8 {
+                prop_assert!((told[3].last_pivot[0] / told[3].last_pivot[1] - 1.0).abs() < 1e-3, "{:?}", told[3]);
+            }
+        }
+
+        /// The thesis conjectures below Theorem 19 that without acceleration all but finitely many states are observable.
+        /// Without friction on the table a whole surface is not: where the part does not turn, u and ω are all that shows.
+        #[test]
+        fn a_part_that_does_not_turn_on_ice_hides_its_place(push in pushes()) {
+            let mut push = ConstantPush { mu_g: 0.0, ..push };
+            push.state[1] = 0.0;
+            let told = push.told(12, &SCALES);
+            prop_assert!(!told.observable() && told.spectrum.rank() == 2, "{told:?}");
+        }
+
+        /// On a table with friction it shows all the same.
+        #[test]
+        fn a_part_that_does_not_turn_on_a_table_shows_its_place(push in pushes()) {
+            let mut push = push;
+            push.state[1] = 0.0;
+            let told = push.told(12, &SCALES);
+            prop_assert!(told.observable(), "{told:?} {push:?}");
+        }
+    }
+
+    /// Appendix E's condition 1 fails where s² = h² + ρ²; a derivative more tells what it misses.
+    #[test]
+    fn rolling_on_ice_needs_a_third_derivative_beside_the_radius_of_gyration() {
+        let (height, rho2) = (0.02, 4e-4);
+        let push = ConstantPush {
+            radius: 0.01,
+            height,
+            inertia_per_mass: rho2,
+            mu_g: 0.0,
+            feet: Vec::new(),
+            contact: ConstantContact::Rolls,
+            state: [(height * height + rho2).sqrt(), 1.5, 0.0],
+            finger: [0.0, -0.05],
+        };
+        assert!(!push.told(2, &SCALES).observable() || push.told(2, &SCALES).last_pivot[1] < 1e-14);
+        assert!(push.told(3, &SCALES).observable() && push.told(3, &SCALES).last_pivot[1] > 1e-6);
+    }
+}
