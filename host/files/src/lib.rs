@@ -2,6 +2,7 @@
 //! views and motions; calibrations; force logs; and the JSON Lines of `palpate solve`.
 //!
 //! - what people describe in TOML: [`part`], [`body`], [`motion`], [`palm`], [`views`], [`scene`];
+//! - what switches tell as they change: [`bits`]; the beams that a part is carried past: [`passing`];
 //! - what is kept: [`calibration`] (plan, raw samples, result), [`sampling_plan`];
 //! - what others recorded: [`recordings`]; the container of our own recordings: [`mcap`];
 //! - what programs exchange: [`solve`];
@@ -11,6 +12,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod bits;
 pub mod body;
 pub mod calibration;
 pub mod lines;
@@ -19,6 +21,7 @@ pub mod motion;
 pub mod output;
 pub mod palm;
 pub mod part;
+pub mod passing;
 pub mod recordings;
 pub mod sampling_plan;
 pub mod scene;

@@ -29,6 +29,7 @@ mod observe_path;
 mod observe_slow;
 mod pages;
 mod part;
+mod passing;
 #[cfg(unix)]
 mod progress;
 mod push;

@@ -66,6 +66,11 @@ impl DeviceArguments {
         self.record.begin()
     }
 
+    /// Whether a device was named.
+    pub(crate) fn is_given(&self) -> bool {
+        self.choice.device.is_some()
+    }
+
     /// Whether the device is a recording.
     pub(crate) fn is_recording(&self) -> bool {
         self.choice.device.as_ref().is_some_and(|name| matches!(name.parse(), Ok(Address::Recording(_))))

@@ -1,20 +1,23 @@
 //! `palpate inscribe`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use miette::IntoDiagnostic as _;
 use palpate::geometry::{ConvexPolygon, SimplePolygon};
 use palpate::inscription::{
-    Continuum, Inscription, InscriptionEstimate, PlannedView, Pose, PoseMode, TouchReadings, estimate, plan_view,
-    touched_poses,
+    Continuum, Inscription, InscriptionEstimate, Outline, PlannedView, Pose, PoseMode, TouchReadings, estimate,
+    plan_view, touched_poses,
 };
 use palpate::point_sampling::Circle;
+use palpate_files::passing::PassingFile;
 use palpate_files::sampling_plan::PlanFile;
 use palpate_files::scene::snapped;
-use palpate_files::views::{NamedPart, Views};
+use palpate_files::views::{NamedPart, ViewFileError, Views};
 use serde_json::{Value, json};
 
+use super::device::DeviceArguments;
+use super::passing;
 use super::plot::PlotArguments;
 use super::read::{read, read_beside};
 use super::sample::{PlanArguments, Planned, print_plan};
@@ -53,6 +56,25 @@ from x:
   centre = [80, 15]
   radius = 4
 
+Parts that are carried past light barriers and turning beams are placed as they go by, with --passing BEAMS.toml:
+  unit = \"mm\"
+  velocity = [120, 0]     # of what carries the part, in the unit a second
+  debounce_ms = 5         # a beam that is free for less bounces (optional)
+  sigma = 0.05            # of a turning beam's angle, degrees
+  [[barrier]]             # a straight beam
+  id = 1                  # in lines; of a board, input 0
+  at = [0, 0]
+  direction = 90
+  sigma = 0.05            # of where it is, across it
+  time_sigma_ms = 0.5     # of when it switches
+  [[beam]]                # one that turns about a point (optional)
+  id = 3
+  apex = [50, -300]
+  phase = 0               # its angle at the time 0
+  turns_per_second = 20   # counter-clockwise
+Their changes come as lines `T ID 0|1` on standard input (s, 1 covered), or, with -d, from the inputs of a board. Two
+barriers of different directions are four lines. `palpate simulate-passing` makes such lines.
+
 With several part files it also says which part it is. Two views nearly always leave one pose of a part if they
 are exact; with errors a third view is often needed, and the command says where to take it.
 
@@ -72,8 +94,12 @@ pub(crate) struct Arguments {
     #[arg(value_name = "PART.toml", required = true)]
     parts: Vec<PathBuf>,
     /// The view file
-    #[arg(long, value_name = "VIEWS.toml")]
-    views: PathBuf,
+    #[arg(long, value_name = "VIEWS.toml", required_unless_present = "passing")]
+    views: Option<PathBuf>,
+    /// Place parts as they are carried past the light barriers and turning beams of this file: as lines on standard input
+    /// tell their changes, or a board's inputs with -d
+    #[arg(long, value_name = "BEAMS.toml", conflicts_with_all = ["views", "resolve", "next_view_mm", "plot"])]
+    passing: Option<PathBuf>,
     /// Take the convex hull of parts with notches: sensors cannot see into them
     #[arg(long)]
     hull: bool,
@@ -90,10 +116,12 @@ pub(crate) struct Arguments {
     plan: PlanArguments,
     #[command(flatten)]
     plot: PlotArguments,
+    #[command(flatten)]
+    device: DeviceArguments,
 }
 
 /// What came of one part.
-struct Found {
+pub(super) struct Found {
     part: NamedPart,
     outcome: Result<Fits, Continuum>,
 }
@@ -114,8 +142,13 @@ impl Fits {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    arguments.device.begin_recording()?;
+    if let Some(passing) = &arguments.passing {
+        return arguments.follow(passing);
+    }
+    let Some(views) = &arguments.views else { return Err(miette::miette!("there is no view file")) };
     let (views, radians) =
-        read(&arguments.views, |text| Views::parse(text).map(|views| (views, Views::parse_radians(text).ok())))?;
+        read(views, |text| Views::parse(text).map(|views| (views, Views::parse_radians(text).ok())))?;
     let names = names(&arguments.parts);
     let parts = arguments.parts.iter().zip(&names).map(|(path, name)| {
         let part = read_beside(path, |text, open| {
@@ -161,7 +194,7 @@ fn names(paths: &[PathBuf]) -> Vec<String> {
     paths.iter().zip(&stems).map(name).collect()
 }
 
-fn find(part: NamedPart, views: &Views) -> Found {
+pub(super) fn find(part: NamedPart, views: &Views) -> Found {
     let outcome = outcome(&part, views);
     Found { part, outcome }
 }
@@ -267,6 +300,27 @@ fn resolve(found: &[Found], request: &PlanArguments) -> Option<(Vec<String>, Pla
 }
 
 impl Arguments {
+    /// Places parts as they go by.
+    fn follow(&self, passing: &Path) -> miette::Result<ExitCode> {
+        let file = read(passing, PassingFile::parse)?;
+        let names = names(&self.parts);
+        let parts = self.parts.iter().zip(&names).map(|(path, name)| {
+            // Beams touch the hull, and notches are no matter.
+            let part = read_beside(path, |text, open| NamedPart::parse_beside(name, text, true, open))?;
+            match part.shape {
+                Outline::Polygon(_) => Ok(part),
+                _ => Err(ViewFileError::Together {
+                    what: "beams",
+                    with: "a smooth part",
+                    remedy: "describe it by many vertices",
+                })
+                .into_diagnostic(),
+            }
+        });
+        let parts = parts.collect::<miette::Result<Vec<_>>>()?;
+        passing::follow(&parts, &file, &self.device, self.json)
+    }
+
     /// The next view of the part that fits best; with exact readings there is nothing to gain.
     fn next_view(&self, found: &[Found], views: &Views) -> Option<PlannedView> {
         let candidates = found.iter().filter_map(|found| match &found.outcome {
@@ -336,7 +390,7 @@ fn in_a_line(found: &Found) -> String {
     }
 }
 
-fn tell(found: &[Found], views: &Views, next: Option<PlannedView>) {
+pub(super) fn tell(found: &[Found], views: &Views, next: Option<PlannedView>) {
     // Numbered through all parts, as in the picture.
     let mut number = 1;
     for found in found {
@@ -418,7 +472,7 @@ fn next_in_words(next: &PlannedView) -> String {
     )
 }
 
-fn json(found: &[Found], views: &Views, next: Option<PlannedView>) -> Value {
+pub(super) fn json(found: &[Found], views: &Views, next: Option<PlannedView>) -> Value {
     let next = next.map(|next| {
         json!({"site": [next.site.x, next.site.y], "position_sd": next.position_sd, "theta_sd": next.theta_sd,
                "separation": next.separation, "tells_apart": next.tells_apart()})

@@ -50,6 +50,7 @@ mod observed_plot;
 mod palm;
 mod palm_motion;
 mod part;
+mod passing;
 mod plan_push;
 mod plot;
 mod ports;
@@ -62,14 +63,17 @@ mod replay;
 mod report;
 mod roll;
 mod sample;
+mod sample_live;
 mod semi_axes;
 #[cfg(feature = "web")]
 mod serve;
 mod simulate_device;
+mod simulate_passing;
 mod simulate_robot;
 mod slow_push;
 mod solve;
 mod static_demo;
+mod switches;
 mod tables;
 mod tared;
 mod tasks;
@@ -144,6 +148,7 @@ enum Command {
     Tables(tables::Arguments),
     Solve(solve::Arguments),
     SimulateDevice(simulate_device::Arguments),
+    SimulatePassing(simulate_passing::Arguments),
     SimulateRobot(simulate_robot::Arguments),
     Completions(completions::Arguments),
     Man(man::Arguments),
@@ -234,6 +239,7 @@ where
         Command::Tables(arguments) => tables::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),
         Command::SimulateDevice(arguments) => simulate_device::run(&arguments),
+        Command::SimulatePassing(arguments) => simulate_passing::run(&arguments),
         Command::SimulateRobot(arguments) => simulate_robot::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
         Command::Man(arguments) => man::run(&arguments),

@@ -14,8 +14,10 @@ use palpate_files::sampling_plan::{PlanFile, in_words};
 use palpate_files::scene::SceneFile;
 use palpate_files::solve::kinds::point_sampling::PointSampling;
 
+use super::device::DeviceArguments;
 use super::plot::PlotArguments;
 use super::read::{open_beside, read_text};
+use super::sample_live::{LiveDecoding, decode, decoded_as_json};
 use super::{counted, not_negative, positive};
 use crate::pictures::point_sampling::SamplingPicture;
 
@@ -40,7 +42,13 @@ To plan points and keep the plan, and then to ask which shape covers the second 
   palpate sample scene.toml --json > plan.json
   palpate sample --decode plan.json 01?0
 
-Exit status: 0, 1 if a file cannot be used or shapes cannot be told apart, 64 wrong command line.";
+Without readings they are taken as they come, and each part is named once nothing has changed for a while: lines
+`T ID 0|1` on standard input, a time in seconds, the point's number and its reading; or, with -d, the digital inputs
+of a board, input 0 being point 1. `#` begins a comment. With --correct 1 a point may be stuck, and is named.
+  controller | palpate sample --decode plan.json
+  palpate sample --decode plan.json -d /dev/ttyACM0 --json
+
+Exit status: 0, 1 if a file or a line cannot be used or shapes cannot be told apart, 64 wrong command line.";
 
 /// Plans the fewest points that tell shapes or poses apart by which of them are covered, and decodes what they read.
 ///
@@ -52,9 +60,13 @@ pub(crate) struct Arguments {
     /// The scene: shapes and poses
     #[arg(value_name = "SCENE", required_unless_present_any = ["decode", "sets"])]
     scene: Option<PathBuf>,
-    /// Tell which shape or pose it is from a plan and what its points read: 1 covered, 0 free, ? unreadable
-    #[arg(long, value_names = ["PLAN.json", "READINGS"], num_args = 2, conflicts_with_all = ["scene", "sets", "plot", "tree", "trade_off", "json", "PlanArguments"])]
+    /// Tell which shape or pose it is from a plan and what its points read: 1 covered, 0 free, ? unreadable; without
+    /// readings as they come
+    #[arg(long, value_names = ["PLAN.json", "READINGS"], num_args = 1..=2, conflicts_with_all = ["scene", "sets", "plot", "tree", "trade_off", "min_clearance_mm", "min_area_mm2", "notice", "greedy", "time_limit_s"])]
     decode: Vec<String>,
+    /// Readings count once none has changed for so long: contacts bounce
+    #[arg(long, value_name = "MS", requires = "decode", value_parser = not_negative, allow_negative_numbers = true, default_value_t = 20.0)]
+    debounce_ms: f64,
     /// Find the fewest elements that tell the sets in a file apart
     #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "plot", "trade_off", "min_clearance_mm", "min_area_mm2"])]
     sets: Option<PathBuf>,
@@ -66,11 +78,14 @@ pub(crate) struct Arguments {
     /// Print in which order to probe the points one after the other, the next depending on what was found
     #[arg(long, conflicts_with = "json")]
     tree: bool,
-    /// Print one JSON object: the plan, for --decode, in m; with --sets the elements chosen
+    /// Print one JSON object: the plan, for --decode, in m; with --sets the elements chosen; with --decode one for each
+    /// answer
     #[arg(long)]
     json: bool,
     #[command(flatten)]
     plot: PlotArguments,
+    #[command(flatten)]
+    device: DeviceArguments,
 }
 
 /// How to plan.
@@ -158,8 +173,8 @@ pub(crate) struct Planned {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    if let [plan, readings] = arguments.decode.as_slice() {
-        return decode(Path::new(plan), readings);
+    if let [plan, readings @ ..] = arguments.decode.as_slice() {
+        return arguments.decode(Path::new(plan), readings.first().map(String::as_str));
     }
     if let Some(sets) = &arguments.sets {
         return discriminate(arguments, sets);
@@ -321,16 +336,33 @@ fn print_question(question: &Question, indent: &str, ask: &dyn Fn(usize) -> Stri
     }
 }
 
-fn decode(path: &Path, readings: &str) -> miette::Result<ExitCode> {
+fn read_plan(path: &Path) -> miette::Result<PlanFile> {
     let cannot = || format!("cannot use the plan {}", path.display());
     let text = read_text(path).wrap_err_with(cannot)?;
     let mut value: serde_json::Value = serde_json::from_str(&text).into_diagnostic().wrap_err_with(cannot)?;
     // What `palpate inscribe --resolve` prints has its plan inside.
     let value = value.get_mut("resolve").map(serde_json::Value::take).unwrap_or(value);
-    let plan: PlanFile = serde_json::from_value(value).into_diagnostic().wrap_err_with(cannot)?;
-    let decoded = plan.decode(readings).into_diagnostic()?;
-    say!("{}", in_words(&plan, &decoded));
-    Ok(ExitCode::SUCCESS)
+    serde_json::from_value(value).into_diagnostic().wrap_err_with(cannot)
+}
+
+impl Arguments {
+    /// Decodes readings, or what comes.
+    fn decode(&self, path: &Path, readings: Option<&str>) -> miette::Result<ExitCode> {
+        self.device.begin_recording()?;
+        let plan = read_plan(path)?;
+        let correct = usize::from(self.plan.correct);
+        let Some(readings) = readings else {
+            let live = LiveDecoding { debounce: self.debounce_ms * 1e-3, correct, json: self.json };
+            return decode(&plan, &self.device, live);
+        };
+        let decoded = plan.decode(readings).into_diagnostic()?;
+        if self.json {
+            say!("{}", decoded_as_json(&plan, readings, correct));
+        } else {
+            say!("{}", in_words(&plan, &decoded));
+        }
+        Ok(ExitCode::SUCCESS)
+    }
 }
 
 /// The fewest elements that tell the sets of a file apart.

@@ -36,6 +36,13 @@ const TASKS: &[Task] = &[
                 ],
             ),
             (
+                "simulate-passing",
+                &[(
+                    "what barriers tell of a part that goes by",
+                    "palpate simulate-passing examples/part.toml --passing examples/passing.toml --pose -150,-10,30",
+                )],
+            ),
+            (
                 "simulate-robot",
                 &[(
                     "a robot that carries a simulated finger to a part",

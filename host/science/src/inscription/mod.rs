@@ -13,6 +13,7 @@
 //! - `next_touch`: which approaches of a finger find a part, and when it is found ([`TouchSearch`]), also which of several
 //!   it is ([`PartsSearch`]);
 //! - `exploration`: the outline of an unknown part from touches around it ([`Exploration`]);
+//! - `passing`: lines and cones of a part that is carried past light barriers and turning beams ([`Passages`]);
 //! - `quality`: how well lines hold a pose, and which poses of a symmetric part look the same;
 //! - [`likeness`]: turns that lay an outline nearly on itself, which touches confuse;
 //! - `planner`: where to take another view;
@@ -29,6 +30,7 @@ mod mixed;
 mod next_touch;
 mod noise;
 mod outline;
+mod passing;
 mod planner;
 mod quality;
 mod readings;
@@ -48,6 +50,7 @@ pub use noise::{
     FENCE_SD_RELATIVE, GATE, InscriptionEstimate, NoisyReadings, PoseMode, estimate, estimate_until, view,
 };
 pub use outline::Outline;
+pub use passing::{Barrier, Beam, BeamChange, Covered, Passage, Passages, TurningBeam, changes, noisy};
 pub use planner::{PlannedView, expected_view, plan_view};
 pub use quality::{conditioning, congruent_groups, symmetry_order};
 pub use readings::{Bearing, Cone, ConeError, HalfPlane, Side};

@@ -236,7 +236,7 @@ impl<'a, 'b> Cover<'a, 'b> {
                 return Some(Next::Drop);
             }
         }
-        let lines = self.least_of_lines(&at, &span);
+        let lines = self.least_of_lines(&at, &span, self.gate - lower);
         if lower + lines > self.gate {
             return Some(Next::Drop);
         }
@@ -295,7 +295,8 @@ impl<'a, 'b> Cover<'a, 'b> {
         least
     }
 
-    fn least_of_lines(&mut self, at: &At, span: &Span) -> f64 {
+    /// What lines add to χ² in a box at least; no more of them are looked at than are enough to exceed a bound.
+    fn least_of_lines(&mut self, at: &At, span: &Span, enough: f64) -> f64 {
         let objective = self.objective;
         let mut least = 0.0;
         for line in &objective.lines {
@@ -303,6 +304,9 @@ impl<'a, 'b> Cover<'a, 'b> {
             let miss = self.misses[outermost(&self.misses, line.sense())];
             let room = self.room_of_line(line, at, span);
             least += (miss.abs() - room).max(0.0).powi(2);
+            if least > enough {
+                break;
+            }
         }
         least
     }
@@ -433,10 +437,11 @@ impl<'a, 'b> Cover<'a, 'b> {
             objective.settle(at, self.gate, found)?;
             return Some(Next::Drop);
         }
-        let line_choices: usize = open_lines.iter().map(|(_, options)| options.len()).product();
-        if line_choices > CHOICES_MAX {
+        // Of many lines there are more choices than numbers.
+        let line_choices = open_lines.iter().try_fold(1, |all: usize, (_, options)| all.checked_mul(options.len()));
+        let Some(line_choices) = line_choices.filter(|choices| *choices <= CHOICES_MAX) else {
             return Some(Next::Halve(self.widest(patch)));
-        }
+        };
         let all = open.iter().try_fold(line_choices, |all: usize, (_, options)| all.checked_mul(options.len()));
         let is_few = all.is_some_and(|all| all <= CHOICES_MAX);
         if !is_few && open.len() * OPEN_SHARE > objective.touches.len() {

@@ -319,3 +319,23 @@ proptest! {
         in_two_frames(&case(3, index), turn, x, factor)?;
     }
 }
+
+/// Of so many lines the choices of their corners are more than there are numbers.
+#[test]
+fn of_hundreds_of_lines_no_pose_is_lost() {
+    let mut draw = Draw::case(47, 0);
+    let part = draw.convex_polygon(7, 0.04);
+    let pose = Pose { x: 0.1, y: -0.05, theta: 1.0 };
+    let world: Vec<_> = part.vertices().iter().map(|vertex| pose.isometry() * vertex).collect();
+    let fences = (0..200).map(|index| {
+        let angle = TAU * f64::from(index) / 200.0;
+        let reach = |point: &Point2<f64>| point.x * angle.cos() + point.y * angle.sin();
+        let offset = world.iter().map(reach).fold(f64::NEG_INFINITY, f64::max) + 2e-4 * draw.normal();
+        Fence { line: HalfPlane::new(angle, offset), sigma: Some(2e-4) }
+    });
+    let readings = TouchReadings { fences: fences.collect(), ..TouchReadings::default() };
+    let estimate = touched_poses(&part, &readings);
+    let [only] = &estimate.modes[..] else { panic!("{estimate:?}") };
+    assert!(apart(only, &[pose.x, pose.y, pose.theta]) < 5.0, "{only:?}");
+    assert_eq!(estimate.dof, 197);
+}

@@ -1,0 +1,86 @@
+//! `palpate sample --decode PLAN`: readings that come live, each part named as it settles.
+
+use std::process::ExitCode;
+
+use palpate_files::bits::{Settled, Settling};
+use palpate_files::sampling_plan::{PlanFile, in_words};
+use serde_json::{Value, json};
+
+use super::device::DeviceArguments;
+use super::switches::{Heard, listen};
+
+/// Answers in a row that a point contradicts before it is said to be stuck.
+const STUCK_ANSWERS: usize = 3;
+
+/// How readings are decoded as they come.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LiveDecoding {
+    /// Readings count once none has changed for so long, s.
+    pub(super) debounce: f64,
+    /// A name is told with so many misread points at most.
+    pub(super) correct: usize,
+    pub(super) json: bool,
+}
+
+/// Readings of standard input or a board's inputs, to their end.
+pub(super) fn decode(plan: &PlanFile, device: &DeviceArguments, live: LiveDecoding) -> miette::Result<ExitCode> {
+    let points = plan.answer.points.len();
+    let mut settling = Settling::new(points, live.debounce);
+    let mut told = Told { plan, live, contradicted: vec![0; points] };
+    let is_all = listen(device, points, |heard| {
+        let settled = match heard {
+            Heard::Change(change) => settling.take(&change).map_err(|error| error.to_string())?,
+            Heard::Until(time) => settling.until(time),
+            Heard::Quiet => settling.settle(),
+        };
+        settled.iter().for_each(|settled| told.tell(settled));
+        Ok(())
+    })?;
+    Ok(if is_all { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// What is told of each part.
+struct Told<'a> {
+    plan: &'a PlanFile,
+    live: LiveDecoding,
+    /// How many answers in a row each point contradicted.
+    contradicted: Vec<usize>,
+}
+
+impl Told<'_> {
+    fn tell(&mut self, Settled { t, readings }: &Settled) {
+        // One character for each point of the plan, which is all that can be wrong.
+        let Ok(decoded) = self.plan.decode(readings) else { return };
+        let misread: &[usize] = decoded.contradicted.first().map_or(&[], Vec::as_slice);
+        let is_one = decoded.nearest.len() == 1 && misread.len() <= self.live.correct;
+        if self.live.json {
+            let mut told = decoded_as_json(self.plan, readings, self.live.correct);
+            told["t"] = json!(t);
+            say!("{told}");
+        } else if is_one || misread.is_empty() {
+            say!("{t:.3} s  {readings}  {}", in_words(self.plan, &decoded));
+        } else {
+            say!("{t:.3} s  {readings}  nothing that is known: {}", in_words(self.plan, &decoded));
+        }
+        if !is_one {
+            return;
+        }
+        for (point, count) in self.contradicted.iter_mut().enumerate() {
+            *count = if misread.contains(&point) { *count + 1 } else { 0 };
+            if *count == STUCK_ANSWERS {
+                note!("point {} was wrong {STUCK_ANSWERS} times in a row: is it stuck?", point + 1);
+            }
+        }
+    }
+}
+
+/// What readings say, for a program: the name is null where it is not certain with so many misread points at most.
+pub(super) fn decoded_as_json(plan: &PlanFile, readings: &str, correct: usize) -> Value {
+    let Ok(decoded) = plan.decode(readings) else { return Value::Null };
+    let nearest: Vec<_> = decoded.nearest.iter().map(|&polygon| plan.name(polygon)).collect();
+    let wrong: Vec<Vec<_>> =
+        decoded.contradicted.iter().map(|points| points.iter().map(|point| point + 1).collect()).collect();
+    let misread = wrong.first().map_or(0, Vec::len);
+    let name = nearest.first().filter(|_| nearest.len() == 1 && misread <= correct);
+    json!({"readings": readings, "name": name, "nearest": nearest, "misread": wrong})
+}
