@@ -203,14 +203,14 @@ fn a_boards_inputs_name_parts_and_place_them() {
     };
 
     let orders: String = [0, 1, 2].map(|outline| format!("wait 1\ninputs {:0>8}\n", levels(outline))).concat();
-    let mut device = simulate(format!("wait 1\n{orders}wait 1\nquit\n"));
+    let mut device = simulate(format!("wait 3\n{orders}wait 1\nquit\n"));
     let named = told(&["sample", "--decode", "plan.json"]);
     device.wait().unwrap();
     let names: Vec<_> = named.iter().filter_map(|told| told["name"].as_str()).collect();
     assert!(names.ends_with(&["bar", "post", "plate"]), "{named:?}");
 
     let (part, beams) = (example("part.toml"), example("passing.toml"));
-    let mut device = simulate(changes(&["-150,-10,30"], &["--orders-after", "2"]) + "quit\n");
+    let mut device = simulate(changes(&["-150,-10,30"], &["--orders-after", "4"]) + "quit\n");
     let placed = told(&["inscribe", path(&part), "--passing", path(&beams)]);
     device.wait().unwrap();
     let [only] = &placed[..] else { panic!("{placed:?}") };
