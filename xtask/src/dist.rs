@@ -1,9 +1,10 @@
-//! `cargo xtask dist`: the images that a release hands out, with their checksums.
+//! `cargo xtask dist`: the tool and the images that a release hands out, with their checksums.
 //!
-//! For each converter that an image can be built for: the ELF file, for probes and for `addr2line`, and a `.dfu` file, which
+//! The tool is for computers like the one that builds it, with every feature. For each converter that an image can be built for: the ELF file, for probes and for `addr2line`, and a `.dfu` file, which
 //! holds the flash's contents and the suffix of DFU 1.1 (the device that it is for, CRC-32): `dfu-util` and
 //! `palpate_device::dfu` check it. `SHA256SUMS` is what `sha256sum --check` reads.
 
+use std::env::consts::{self, EXE_SUFFIX};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -25,13 +26,14 @@ const ANY_VERSION: u16 = 0xFFFF;
 /// The suffix's length, in bytes.
 const SUFFIX_BYTES: u8 = 16;
 
-/// Builds every image with `build`, which takes a converter's name and gives an ELF file and its flash's contents, and
-/// writes what a release has into a folder of `target`. Gives that folder.
+/// Builds the tool with `tool`, which gives its file, and every image with `build`, which takes a converter's name and gives an
+/// ELF file and its flash's contents, and writes what a release has into a folder of `target`. Gives that folder.
 ///
 /// # Errors
-/// What `build` says, or why a file cannot be written.
+/// What `tool` and `build` say, or why a file cannot be written.
 pub(crate) fn write(
     target: &Path,
+    tool: impl FnOnce() -> Result<PathBuf, String>,
     mut build: impl FnMut(&str) -> Result<(PathBuf, Vec<u8>), String>,
 ) -> Result<PathBuf, String> {
     let folder = target.join("dist");
@@ -42,12 +44,19 @@ pub(crate) fn write(
         let digest: String = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
         // Writing to a text does not fail.
         let _ = writeln!(sums, "{digest}  {name}");
-        std::fs::write(&path, bytes).map_err(|error| format!("{}: {error}", path.display()))
+        std::fs::write(&path, bytes).map_err(|error| format!("{}: {error}", path.display()))?;
+        Ok::<_, String>(path)
     };
+    let read = |path: &Path| std::fs::read(path).map_err(|error| format!("{}: {error}", path.display()));
+    let built = tool()?;
+    let name = format!("palpate-{}-{}-{}{EXE_SUFFIX}", env!("CARGO_PKG_VERSION"), consts::OS, consts::ARCH);
+    let tool = keep(name, &read(&built)?)?;
+    let permissions = std::fs::metadata(&built).and_then(|of| std::fs::set_permissions(&tool, of.permissions()));
+    permissions.map_err(|error| format!("{}: {error}", tool.display()))?;
     for front_end in FRONT_ENDS {
         let name = format!("palpate-{}-{}", env!("CARGO_PKG_VERSION"), front_end.to_lowercase());
         let (elf, contents) = build(front_end)?;
-        let elf = std::fs::read(&elf).map_err(|error| format!("{}: {error}", elf.display()))?;
+        let elf = read(&elf)?;
         keep(format!("{name}.elf"), &elf)?;
         keep(format!("{name}.dfu"), &with_suffix(contents))?;
     }
@@ -89,19 +98,20 @@ mod tests {
     }
 
     #[test]
-    fn a_release_has_both_images_and_the_sums_of_all_files() {
+    fn a_release_has_the_tool_both_images_and_the_sums_of_all_files() {
         let folder = tempfile::tempdir().expect("a folder");
         let elf = folder.path().join("elf");
         std::fs::write(&elf, b"abc").expect("a file");
         let mut built = Vec::new();
-        let dist = write(folder.path(), |front_end| {
+        let tool = || Ok(elf.clone());
+        let dist = write(folder.path(), tool, |front_end| {
             built.push(front_end.to_owned());
             Ok((elf.clone(), b"123456789".to_vec()))
         });
         let dist = dist.expect("it is written");
         assert_eq!(built, FRONT_ENDS);
         let sums = std::fs::read_to_string(dist.join("SHA256SUMS")).expect("the sums");
-        assert_eq!(sums.lines().count(), 4);
+        assert_eq!(sums.lines().count(), 5);
         // FIPS 180-2: SHA-256 of "abc".
         let of_abc = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
         let name = format!("palpate-{}-ads131m02.elf", env!("CARGO_PKG_VERSION"));
@@ -109,6 +119,8 @@ mod tests {
         for (_, name) in sums.lines().filter_map(|line| line.split_once("  ")) {
             assert!(dist.join(name).is_file(), "{name}");
         }
-        assert!(write(folder.path(), |_| Err("no compiler".to_owned())).is_err());
+        assert!(write(folder.path(), tool, |_| Err("no compiler".to_owned())).is_err());
+        let without_tool = || Err("no compiler".to_owned());
+        assert!(write(folder.path(), without_tool, |_| Ok((elf.clone(), Vec::new()))).is_err());
     }
 }

@@ -127,9 +127,16 @@ fn build_with(variables: &[(&str, &str)]) -> Result<PathBuf, Failed> {
     Ok(image::path_in(&target))
 }
 
-/// Builds the images of a release.
+/// Builds the tool as releases have it: with what is off by default too.
+fn tool() -> Result<PathBuf, String> {
+    let arguments = ["build", "--release", "--package", "palpate-cli", "--all-features"];
+    finish(Command::new(toolchain::own_cargo()).args(arguments)).map_err(|_| "the tool was not built".to_owned())?;
+    Ok(target_folder().join("release").join(format!("palpate{}", env::consts::EXE_SUFFIX)))
+}
+
+/// Builds the tool and the images of a release.
 pub(crate) fn dist() -> Result<(), Failed> {
-    let folder = dist::write(&target_folder(), |front_end| {
+    let folder = dist::write(&target_folder(), tool, |front_end| {
         // For the build that follows, which is of this process alone.
         let image = build_with(&[(FRONT_END_VARIABLE, front_end)])
             .map_err(|Failed(_)| format!("the image for the {front_end} was not built"))?;

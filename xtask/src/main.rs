@@ -112,7 +112,7 @@ fn usage() -> ExitCode {
         "       cargo xtask fuzz TARGET [SECONDS]     coverage-guided search with a nightly compiler, by default {FUZZ_SECONDS} s"
     );
     eprintln!("       cargo xtask deny                      licences, bans, sources and advisories, by cargo-deny");
-    eprintln!("       cargo xtask dist                      the images of a release, with checksums, in target/dist");
+    eprintln!("       cargo xtask dist                      the tool and the images of a release, with checksums");
     eprintln!("{}", firmware::USAGE);
     ExitCode::from(64)
 }

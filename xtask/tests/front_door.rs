@@ -149,6 +149,27 @@ fn the_checks_install_the_emulator_where_it_is_missing_and_nothing_where_it_is_t
     assert!(!stage.calls().iter().any(|call| call.starts_with("apt-get")), "{:?}", stage.calls());
 }
 
+#[test]
+fn the_checks_install_the_reader_of_recordings_where_there_is_python_and_go_on_without() {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../.ci/run");
+    let always = [("qemu-system-arm", "exit 0"), ("chromium", "exit 0"), ("rustup", "exit 0")];
+    // An environment is a copy of it, into which a package can be had or not.
+    let makes = "for last; do :; done; /bin/mkdir -p \"$last/bin\" && /bin/cp \"$0\" \"$last/bin/python\"";
+    for (installed, is_there) in [(0, true), (1, false)] {
+        let python = format!("case \"$*\" in *venv*) {makes};; *) exit {installed};; esac");
+        let stage = Stage::with_compiler(&[always[0], always[1], always[2], ("python3", &python)]);
+        let output = stage.run(&script, &[]);
+        assert!(output.status.success(), "{}", said(&output));
+        let calls = stage.calls();
+        for wanted in ["python3 -m venv --clear ", "python3 -m pip install --quiet mcap mcap-ros2-support"] {
+            assert!(calls.iter().any(|call| call.starts_with(wanted)), "{wanted}: {calls:#?}");
+        }
+        assert_eq!(stdout(&output).contains("Python's mcap cannot be installed here"), !is_there);
+        let foxglove = "cargo test --features palpate-cli/foxglove --test commands -- foxglove::";
+        assert!(calls.iter().any(|call| call == foxglove), "{calls:#?}");
+    }
+}
+
 /// A cargo of which these commands (patterns of the shell) end with that status, and all others well.
 fn cargo_with(failing: &[(&str, i32)]) -> String {
     let arms = failing.iter().map(|(pattern, status)| format!("{pattern}) exit {status};; "));

@@ -72,7 +72,7 @@ code { font-size: .9em; overflow-wrap: anywhere; }
 table { border-collapse: collapse; }
 th, td { text-align: left; vertical-align: top; padding: .15rem 1.2rem .15rem 0; border-bottom: 1px solid #8884; }
 td.number, th.number { text-align: right; font-variant-numeric: tabular-nums; }
-td.wide { overflow-wrap: break-word; }
+td.wide { overflow-wrap: break-word; white-space: pre-line; }
 figure { margin: 1.5rem 0; break-inside: avoid; }
 figcaption { font-weight: 600; margin-bottom: .3rem; }
 figure svg { width: 100%; height: auto; background: #fff; }
@@ -84,6 +84,8 @@ footer { margin: 2rem 0; font-size: .85rem; opacity: .75; }
   body { font-size: 10.5pt; max-width: none; margin: 0; padding: 0; }
   h2 { break-after: avoid; }
   tr, .warning { break-inside: avoid; }
+  .scroll { overflow: visible; }
+  .scroll td { overflow-wrap: anywhere; }
   @page { margin: 15mm; }
 }
 ";
@@ -208,7 +210,9 @@ fn numbers(kept: &Kept) -> Vec<Fact> {
         fact("contacts", format!("{begun}, {:.1} % of the time", 100.0 * share));
     }
     if let Some((_, belief)) = kept.beliefs.last() {
-        fact("poses that explain the push", format!("{}, after {:.3} s of it", belief.hypotheses.len(), belief.felt_s));
+        let after =
+            if belief.felt_s.is_nan() { String::new() } else { format!(", after {:.3} s of it", belief.felt_s) };
+        fact("poses that explain the push", format!("{}{after}", belief.hypotheses.len()));
     }
     for (key, what) in [("version", "recorded by palpate"), ("system", "on"), ("folder", "in")] {
         if let Some(value) = kept.run.get(key) {

@@ -95,6 +95,8 @@ pub(crate) struct Link {
     /// Reader counts of lines that were closed.
     closed: ReaderCounts,
     recorder: Option<Box<dyn Recorder>>,
+    /// Entries that are not to be noted yet.
+    held: Option<Vec<Entry>>,
     /// Time 0 of a simulated device in real time, on the session's clock, ns.
     simulated_epoch_ns: Option<i64>,
 }
@@ -123,7 +125,7 @@ impl Link {
 
     fn over(epoch: Instant, way: Way, recorder: Option<Box<dyn Recorder>>) -> Self {
         let (reader, closed) = (MessageReader::default(), ReaderCounts::default());
-        Self { epoch, way, reader, closed, recorder, simulated_epoch_ns: None }
+        Self { epoch, way, reader, closed, recorder, held: None, simulated_epoch_ns: None }
     }
 
     /// Opens it.
@@ -338,9 +340,34 @@ impl Link {
         self.take_down(self.stamp(), || Traced::Input(input));
     }
 
-    fn take_down(&mut self, stamp: Stamp, what: impl FnOnce() -> Traced) {
+    /// From now on holds entries back, until [`Link::let_go`].
+    pub(crate) fn hold(&mut self) {
+        self.held = Some(Vec::new());
+    }
+
+    /// The entries that were held back so far.
+    pub(crate) fn held(&mut self) -> Vec<Entry> {
+        self.held.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+
+    /// Notes entries at once again; the last that were held back.
+    pub(crate) fn let_go(&mut self) -> Vec<Entry> {
+        self.held.take().unwrap_or_default()
+    }
+
+    /// Has entries noted that were held back.
+    pub(crate) fn note_held(&mut self, entries: Vec<Entry>) {
         if let Some(recorder) = &mut self.recorder {
-            recorder.take(Entry { host_ns: stamp.since(self.epoch), unix_ns: stamp.unix_ns, what: what() });
+            entries.into_iter().for_each(|entry| recorder.take(entry));
+        }
+    }
+
+    fn take_down(&mut self, stamp: Stamp, what: impl FnOnce() -> Traced) {
+        let Some(recorder) = &mut self.recorder else { return };
+        let entry = Entry { host_ns: stamp.since(self.epoch), unix_ns: stamp.unix_ns, what: what() };
+        match &mut self.held {
+            Some(held) => held.push(entry),
+            None => recorder.take(entry),
         }
     }
 }

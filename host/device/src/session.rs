@@ -253,7 +253,9 @@ pub struct Session {
     /// What a recorded program took in beside the link, and this one has not yet.
     inputs: Vec<Input>,
     /// What came from a simulated device that was asked to go on, or asked whether this is all, and is not taken yet.
-    asked_for: VecDeque<Heard>,
+    asked_for: VecDeque<(Heard, Vec<Entry>)>,
+    /// What is to be noted of the answer to that question, before the next one: it is heard on the way to what comes then.
+    answer: Vec<Entry>,
     /// Whether such a device may have sent more than has arrived.
     owes: bool,
     baud: u32,
@@ -347,7 +349,19 @@ impl Session {
     /// # Errors
     /// As [`Session::open`].
     pub fn open_simulated(device: Arc<SimulatedDevice>, options: SessionOptions) -> Result<Self, LinkError> {
-        Self::open_with(&device.address().clone(), options, Some(device), Link::live(Instant::now(), None))
+        Self::open_simulated_noted(device, options, None)
+    }
+
+    /// The same, with everything that it goes by noted for `recorder`.
+    ///
+    /// # Errors
+    /// As [`Session::open`].
+    pub fn open_simulated_noted(
+        device: Arc<SimulatedDevice>,
+        options: SessionOptions,
+        recorder: Option<Box<dyn Recorder>>,
+    ) -> Result<Self, LinkError> {
+        Self::open_with(&device.address().clone(), options, Some(device), Link::live(Instant::now(), recorder))
     }
 
     fn open_with(
@@ -368,6 +382,7 @@ impl Session {
             link,
             inputs: Vec::new(),
             asked_for: VecDeque::new(),
+            answer: Vec::new(),
             owes: true,
             baud: greeted.baud,
             wanted: Wanted { settings: Settings::of(&greeted.hello), streaming: false },
@@ -943,19 +958,30 @@ impl Session {
                 Err(gone) => return Heard::Broken(gone.to_string()),
             }
         }
-        self.asked_for.pop_front().unwrap_or(Heard::Nothing)
+        let Some((heard, entries)) = self.asked_for.pop_front() else { return Heard::Nothing };
+        // Only now, so that what comes in beside the link is noted between what is taken before it and after.
+        self.link.note_held(entries);
+        heard
     }
 
     /// Takes all that a device has sent whose time stands still: on a line that keeps the order, what comes before the
     /// answer to a ping.
     fn take_what_is_owed(&mut self) {
+        let answer = std::mem::take(&mut self.answer);
+        self.link.note_held(answer);
+        self.link.hold();
+        self.hear_what_is_owed();
+        self.answer = self.link.let_go();
+    }
+
+    fn hear_what_is_owed(&mut self) {
         let id = CommandId(self.next_id);
         self.next_id = self.next_id.wrapping_add(1);
         if !self.link.is_open() {
             return;
         }
         if let Err(error) = self.link.send(&Command::new(id, Request::Ping)) {
-            self.asked_for.push_back(Heard::Broken(error.to_string()));
+            self.owed(Heard::Broken(error.to_string()));
             return;
         }
         self.owes = false;
@@ -966,12 +992,18 @@ impl Session {
                 Heard::Message(message, _) if matches!(&**message, FromDevice::Reply(reply) if reply.id == id) => {
                     return;
                 }
-                Heard::Broken(_) => return self.asked_for.push_back(heard),
-                _ => self.asked_for.push_back(heard),
+                Heard::Broken(_) => return self.owed(heard),
+                _ => self.owed(heard),
             }
         }
         // The ping or its answer was lost on the way, or takes long: it is asked again.
         self.owes = true;
+    }
+
+    /// Keeps what a device has sent until it is taken, with what is to be noted of it.
+    fn owed(&mut self, heard: Heard) {
+        let entries = self.link.held();
+        self.asked_for.push_back((heard, entries));
     }
 
     /// How long samples may stay away.
@@ -1148,7 +1180,12 @@ impl Session {
     /// Notes that the link is gone; returns the error that says so.
     fn broken(&mut self, reason: String) -> LinkError {
         if self.link.close() {
-            (self.asked_for, self.owes) = (VecDeque::new(), true);
+            for (_, entries) in std::mem::take(&mut self.asked_for) {
+                self.link.note_held(entries);
+            }
+            let answer = std::mem::take(&mut self.answer);
+            self.link.note_held(answer);
+            self.owes = true;
             self.counts.disconnections += 1;
             self.down_since = Some(self.now());
             self.hand_on(Incoming::Disconnected { reason: reason.clone() });

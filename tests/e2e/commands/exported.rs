@@ -153,6 +153,11 @@ fn a_recording_goes_out_as_tables_lines_and_a_page() {
     ] {
         assert!(page.contains(words), "{words}");
     }
+    // It needs nothing but itself: what it refers to is within.
+    assert_eq!(page.matches("href=").count(), page.matches("href=\"#").count());
+    for outside in ["src=", "<script", "<link", "@import", "url("] {
+        assert!(!page.contains(outside), "{outside}");
+    }
     // Anew, but not in place of somebody's file.
     ok(&palpate(folder, &["report", "run.mcap"]));
     fs::write(folder.join("run.html"), "mine").unwrap();

@@ -74,6 +74,33 @@ fn prose_in_help_breaks_at_the_margin_only() {
     }
 }
 
+/// What a group of options holds stands under its heading in every command, and nothing else does.
+#[test]
+fn options_stand_under_the_headings_that_they_belong_to() {
+    let groups: [(&str, &[&str]); 3] = [
+        ("Device:", &["--device", "--baud", "--speed"]),
+        // Of `palm`, which has no device, a recording stands in for it.
+        ("Recording:", &["--record", "--full", "--device", "--speed"]),
+        ("Calibration:", &["--calibration"]),
+    ];
+    let mut found = 0;
+    for command in commands() {
+        let text = help(&[&command, "-h"]);
+        let mut heading = "";
+        for line in text.lines() {
+            if indent(line) == 0 && !line.is_empty() {
+                heading = line;
+            }
+            let Some((_, members)) = groups.iter().find(|(group, _)| *group == heading) else { continue };
+            let option = line.split_whitespace().find(|word| word.starts_with("--"));
+            let option = option.filter(|_| line.trim_start().starts_with('-'));
+            assert!(option.is_none_or(|option| members.contains(&option)), "`palpate {command} -h`: {heading} {line}");
+            found += usize::from(option.is_some());
+        }
+    }
+    assert!(found > 60, "{found} options under these headings");
+}
+
 /// A row of a file or a table that is broken is no row any more: clap would set its rest at the row's own indent.
 #[test]
 fn rows_of_files_and_tables_are_whole() {

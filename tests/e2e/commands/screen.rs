@@ -206,6 +206,8 @@ fn keys_tare_record_mark_and_quit_and_the_recording_plays() {
     terminal.press("q");
     assert_eq!(terminal.ended(), Some(0), "{}", terminal.seen);
     assert!(terminal.is_as_before());
+    // No line was printed across the screen, as that of the inputs at the start of each stream.
+    assert!(!terminal.seen.contains("inputs 7..0"), "{}", terminal.seen);
     // What was told meanwhile is on the terminal as it was.
     let (_, after) = terminal.seen.rsplit_once(LEFT).unwrap();
     for told in ["taring for 0.5 s", "mark 2", "samples, 0 missing", "recorded "] {

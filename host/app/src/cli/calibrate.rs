@@ -40,9 +40,6 @@ use crate::progress::Progress;
 /// out of the fit judge the result; it is written only if they are felt where they are. See calibration/PROCEDURE.md.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Arguments {
-    #[command(flatten)]
-    device: DeviceArguments,
-
     /// Name of the finger: letters, digits, - and _; results go to a folder of that name
     #[arg(long, value_name = "NAME", default_value = "finger-a")]
     finger: String,
@@ -104,6 +101,9 @@ pub(crate) struct Arguments {
     /// Date and time of the run, RFC 3339 [default: now]
     #[arg(long, value_name = "DATE")]
     date: Option<String>,
+
+    #[command(flatten)]
+    device: DeviceArguments,
 }
 
 /// A device that is ready to stream.

@@ -1,4 +1,4 @@
-//! What every command that needs a calibrated finger takes: which calibration, and which tare.
+//! What every command that needs a calibrated finger takes: which device, which calibration, and which tare.
 
 use std::fs;
 use std::io::Read as _;
@@ -12,10 +12,24 @@ use palpate_files::calibration::file::{CalibrationFile, RawState};
 use palpate_files::output;
 use serde::{Deserialize, Serialize};
 
+use super::device::DeviceArguments;
 use crate::advice::Advise as _;
 use crate::live;
 use crate::recording;
 use crate::recording::play::Attached;
+
+/// A finger that is tared before it feels.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct FingerArguments {
+    #[command(flatten)]
+    pub(super) offset: OffsetArguments,
+
+    #[command(flatten)]
+    pub(super) device: DeviceArguments,
+
+    #[command(flatten)]
+    pub(super) calibration: CalibrationArguments,
+}
 
 /// Which calibration to use.
 #[derive(Clone, Debug, clap::Args)]
@@ -63,6 +77,7 @@ impl CalibrationArguments {
         let path = self.calibration.clone().ok_or_else(|| miette::miette!("name the calibration with -c"))?;
         let named = || format!("cannot use the calibration {}", path.display());
         let (file, _) = CalibrationFile::read(&path).advised().wrap_err_with(named)?;
+        attach(&path);
         Ok((path, file))
     }
 
@@ -96,9 +111,7 @@ impl CalibrationArguments {
             );
         }
         note!("calibration {}", path.display());
-        if let Ok(bytes) = fs::read(&path) {
-            recording::attach("calibration", &path, &bytes);
-        }
+        attach(&path);
         Ok(Some((path, file)))
     }
 
@@ -129,6 +142,13 @@ impl CalibrationArguments {
                 device(session)
             )
         })
+    }
+}
+
+/// Attaches a calibration file to the recording, if there is one.
+fn attach(path: &Path) {
+    if let Ok(bytes) = fs::read(path) {
+        recording::attach("calibration", path, &bytes);
     }
 }
 

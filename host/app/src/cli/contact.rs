@@ -64,8 +64,6 @@ pub(crate) struct Arguments {
     /// Polar angle in finger axes that shall read 0.
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true, value_parser = super::finite)]
     mounting_deg: f64,
-    #[command(flatten)]
-    tables: TableArguments,
     /// Average readings over this time; 20 ms is one mains period at 50 Hz.
     #[arg(long, value_name = "MS")]
     average_ms: Option<f64>,
@@ -83,6 +81,8 @@ pub(crate) struct Arguments {
     /// are in finger axes already.
     #[arg(long, value_name = "XX,XY,YX,YY", allow_hyphen_values = true)]
     sensor_frame: Option<SensorFrame>,
+    #[command(flatten)]
+    tables: TableArguments,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

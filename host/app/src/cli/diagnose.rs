@@ -23,12 +23,6 @@ use crate::width::folded;
 /// Keep the finger free of contact. Exit status 1 if a line says FAULT.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    #[command(flatten)]
-    device: DeviceArguments,
-
-    #[command(flatten)]
-    calibration: CalibrationArguments,
-
     /// How long to look, in seconds
     #[arg(long, default_value_t = 10.0, value_name = "S", allow_negative_numbers = true, value_parser = super::stretch)]
     seconds: f64,
@@ -36,6 +30,12 @@ pub(crate) struct Arguments {
     /// Print one JSON object instead
     #[arg(long)]
     json: bool,
+
+    #[command(flatten)]
+    device: DeviceArguments,
+
+    #[command(flatten)]
+    calibration: CalibrationArguments,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {

@@ -27,7 +27,7 @@ use super::plot::PlotArguments;
 use super::pose::{columns, deviation};
 use super::watched_push::{FeltPush, Ongoing, Watched, WatchedPushArguments, Watching, too_short};
 use crate::pictures::plot::Figure;
-use crate::recording::{self, Believed};
+use crate::recording::{self, Believed, Seen};
 use crate::width::folded;
 
 /// Poses of one reading that a person is shown; a program gets them all.
@@ -279,7 +279,7 @@ impl Follow<'_, '_, '_> {
             pose: it.pose,
             covariance: Some(it.covariance.fixed_view::<3, 3>(0, 0).into_owned()),
         });
-        recording::believed(0, told.at, believed);
+        recording::believed(Seen::pushed(known.part, known.motion, known.radius, told.at), believed);
         if self.following.json {
             let mut object = told.as_json();
             object["samples"] = lacking::as_json(&ongoing.watch.tally());

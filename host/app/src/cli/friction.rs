@@ -39,9 +39,6 @@ pub(crate) struct Arguments {
     part: PathBuf,
 
     #[command(flatten)]
-    push: WatchedPushArguments,
-
-    #[command(flatten)]
     motion: MotionArgument,
 
     /// What the part weighs, g: VALUE or VALUE,SIGMA (without SIGMA known to 0.5 %)
@@ -51,6 +48,9 @@ pub(crate) struct Arguments {
     /// Print one JSON object: SI units
     #[arg(long)]
     json: bool,
+
+    #[command(flatten)]
+    push: WatchedPushArguments,
 }
 
 /// A mass as told.

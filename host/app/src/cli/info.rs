@@ -16,9 +16,6 @@ use crate::advice::Advise as _;
 /// Says who a device is, how it is set, what it counted, and whether its front-end is well.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    #[command(flatten)]
-    device: DeviceArguments,
-
     /// Switch to this source first
     #[arg(long, value_enum)]
     source: Option<SourceName>,
@@ -35,6 +32,9 @@ pub(crate) struct Arguments {
     /// Print one JSON object instead
     #[arg(long)]
     json: bool,
+
+    #[command(flatten)]
+    device: DeviceArguments,
 }
 
 /// Round trips of which the shortest counts.

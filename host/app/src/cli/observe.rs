@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use palpate::never;
+use palpate::pushing::estimation::from_rest::KnownFromRest;
 use palpate::pushing::estimation::from_rest::readings::MotionClock;
 use palpate::pushing::estimation::from_rest::watch::PushAnswer;
 use palpate_files::part::PolygonFile;
@@ -17,7 +18,7 @@ use super::plot::PlotArguments;
 use super::read::{read, read_beside, tell_part};
 use super::watched_push::{Ongoing, Watched, WatchedPushArguments, Watching, too_short};
 use super::{lacking, misfit, pose, positive};
-use crate::recording::{self, Believed};
+use crate::recording::{self, Believed, Seen};
 
 const LONG_HELP: &str = "\
 The finger first rests, touching nothing or the part without force, while the tare is taken; then it begins to push. The
@@ -80,9 +81,6 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "PART.toml")]
     part: PathBuf,
 
-    #[command(flatten)]
-    push: WatchedPushArguments,
-
     /// How the finger moves: a motion file as below, or - for segments from standard input
     #[arg(long, value_name = "MOTION.toml", required_unless_present = "path")]
     motion: Option<PathBuf>,
@@ -93,12 +91,6 @@ pub(crate) struct Arguments {
     /// How the push is observed [default: slow where the finger goes slowly, search otherwise]
     #[arg(long, value_enum)]
     method: Option<Method>,
-
-    #[command(flatten)]
-    gho: GhoArguments,
-
-    #[command(flatten)]
-    slow: SlowArguments,
 
     /// When the finger's motion began, on the clock of the forces: then it may be on its way when it meets the part, and
     /// mind another contact before [default: where force is first felt, finger and part being at rest in contact]
@@ -120,6 +112,15 @@ pub(crate) struct Arguments {
 
     #[command(flatten)]
     plot: PlotArguments,
+
+    #[command(flatten)]
+    push: WatchedPushArguments,
+
+    #[command(flatten)]
+    gho: GhoArguments,
+
+    #[command(flatten)]
+    slow: SlowArguments,
 }
 
 /// How a push is observed.
@@ -211,13 +212,13 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         if watch.is_due(motion)
             && let Some(answer) = watch.look(&felt.known(&file, motion), &never)
         {
-            shown.print(&answer);
+            shown.print(&answer, &felt.known(&file, motion));
         }
         ongoing.until_over()
     })?;
     push.was_felt()?;
     let answer = push.conclude(&file).ok_or_else(too_short)?;
-    shown.print(&answer);
+    shown.print(&answer, &push.known(&file));
     if !arguments.json {
         say!("{}\n{}", pose::legend(), pose::in_words(&file.part, &answer.estimate));
         if answer.estimate.hypotheses.is_empty() {
@@ -281,9 +282,10 @@ struct Shown<'a> {
 }
 
 impl Shown<'_> {
-    fn print(&mut self, answer: &PushAnswer) {
+    fn print(&mut self, answer: &PushAnswer, known: &KnownFromRest<'_>) {
         let PushAnswer { estimate, since_onset } = answer;
-        recording::believed(0, estimate.time_end, estimate.hypotheses.iter().map(Believed::from));
+        let seen = Seen::pushed(known.part, known.motion, known.radius, estimate.time_end);
+        recording::believed(seen, estimate.hypotheses.iter().map(Believed::from));
         if self.json {
             let mut told = pose::as_json(estimate);
             told["samples"] = lacking::as_json(since_onset);

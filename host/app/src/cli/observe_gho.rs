@@ -21,7 +21,7 @@ use super::pose::columns;
 use super::watched_push::{Ongoing, Watched, WatchedPushArguments, Watching, too_short};
 use super::{lacking, not_negative, positive};
 use crate::pictures::plot::Figure;
-use crate::recording::{self, Believed};
+use crate::recording::{self, Believed, Seen};
 use crate::width::folded;
 
 /// Means of the force over two hundredths of a second, a period of the mains, go to the observer each hundredth: the thesis's
@@ -267,7 +267,8 @@ impl Following<'_> {
         let share = 1.0 / told.len().max(1) as f64;
         let believed =
             told.iter().map(|it| Believed { probability: share, edge: it.edge, pose: it.pose, covariance: None });
-        recording::believed(0, time, believed);
+        let (motion, radius) = (ongoing.motion, ongoing.felt.radius());
+        recording::believed(Seen::pushed(&self.push.file.part, motion, radius, time), believed);
         if self.push.json {
             let mut object = as_json(time, told, &self.push.arguments.assumptions(self.push.file));
             object["samples"] = lacking::as_json(&ongoing.watch.tally());

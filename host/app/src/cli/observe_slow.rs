@@ -31,7 +31,7 @@ use super::told_tables::TableArguments;
 use super::watched_push::{FeltPushArguments, WatchedPushArguments, Watching};
 use super::{finite, lacking, not_negative, positive};
 use crate::pictures::slow_chain::{ChainPush, figure};
-use crate::recording::{self, Believed};
+use crate::recording::{self, Believed, Seen};
 use crate::width::folded;
 
 /// A part that friction stops within this, m, shows nothing of its inertia: it is a tenth of what frames and clocks leave of
@@ -308,6 +308,7 @@ impl SlowObserving<'_> {
             let answer = Answer {
                 number: chain.pushes,
                 push,
+                radius,
                 heaps: after.cloud.heaps(LEFT_OVER),
                 semi_axes: region.semi_axes(),
                 after: &after,
@@ -474,6 +475,8 @@ fn onset(felt: &FeltPush) -> Option<f64> {
 struct Answer<'a> {
     number: usize,
     push: &'a Incoming,
+    /// Of the finger's disk, m.
+    radius: f64,
     heaps: Vec<Heap>,
     semi_axes: [f64; 3],
     after: &'a AfterPush,
@@ -493,14 +496,17 @@ fn line([after, share, x, y, turned, region]: [&str; 6]) -> String {
 
 impl SlowObserving<'_> {
     fn tell(&self, answer: &Answer<'_>) {
-        let Answer { number, push, heaps, semi_axes, after } = answer;
+        let Answer { number, push, radius, heaps, semi_axes, after } = answer;
+        let FeltPush { origin, direction, end, .. } = push.felt;
         let believed = heaps.iter().map(|heap| Believed {
             probability: heap.share,
-            edge: self.nearest_edge(&heap.pose, push.felt.origin + push.felt.direction * push.felt.end),
+            edge: self.nearest_edge(&heap.pose, origin + direction * end),
             pose: self.own(&heap.pose),
             covariance: Some(Matrix3::from_diagonal(&Vector3::from(heap.sd.map(|sd| sd * sd)))),
         });
-        recording::believed(0, push.felt.end, believed);
+        let outline = self.file.part.polygon().vertices();
+        let disk = (origin + direction * end, *radius);
+        recording::believed(Seen { part: 0, outline, disk, felt_s: f64::NAN }, believed);
         let onset_off =
             matches!(push.felt.onset, Onset::At(_) | Onset::Before(_)) && after.effective_onset < EFFECTIVE_LEAST;
         if self.json {
@@ -557,7 +563,7 @@ impl SlowObserving<'_> {
 
     /// SI units and radians; poses of the part's own frame.
     fn as_json(&self, answer: &Answer<'_>) -> serde_json::Value {
-        let Answer { number, push, heaps, semi_axes, after } = answer;
+        let Answer { number, push, heaps, semi_axes, after, .. } = answer;
         let heaps = heaps.iter().map(|heap| {
             let (at, Pose { x, y, theta }) = ([heap.pose.x, heap.pose.y], self.own(&heap.pose));
             json!({"share": heap.share, "centre_of_mass": at, "pose": [x, y, theta], "sd": heap.sd})

@@ -1,16 +1,17 @@
 //! `palpate palm`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueEnum;
 use miette::{IntoDiagnostic as _, WrapErr as _};
-use nalgebra::Vector2;
+use nalgebra::{Quaternion, Vector2};
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::rolling::{
     BodyKnowledge, Noise, PalmKnowledge, Report, RollEstimate, RollQuestion, RollState, RollTracker, RollVerdict, Spin,
     Tracked,
 };
+use palpate_device::Address;
 use palpate_files::body::BodyFile;
 use palpate_files::solve::kinds::roll::{self, wxyz};
 use serde::Deserialize;
@@ -19,6 +20,8 @@ use serde_json::{Value, json};
 use super::palm_motion::{self, PalmMotion, PalmMotionArguments};
 use super::read::{lines_of_stdin, read};
 use super::{counted, positive};
+use crate::live::interrupt;
+use crate::recording;
 
 const LONG_HELP: &str = "\
 Reads a contact a line from standard input, at equal steps of time, in s and m:
@@ -38,6 +41,8 @@ and prints what is known after it, a JSON object a line:
 Attitudes are known up to the body's symmetry. With several body files, `body` says which it is, from 0.
 
 Lines that cannot be used are named on standard error and passed over.
+
+With --record the contacts are kept as they come, and what is made of them; -d file:RUN.mcap takes them from there.
 
 Exit status: 0 at the end of the input, 1 if a file or the input cannot be read, 2 if lines were passed over, 64 wrong
 command line.";
@@ -72,6 +77,44 @@ pub(crate) struct Arguments {
     /// Print only changes of the status and every N-th contact
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), default_value_t = 1)]
     every: u64,
+    /// Take the contacts of a recording, file:RUN.mcap [default: those of standard input]
+    #[arg(long, short = 'd', value_name = "DEVICE", value_parser = recorded_run, help_heading = "Recording")]
+    device: Option<PathBuf>,
+    /// Play a recording so many times as fast as it was recorded [default: as fast as it is read]
+    #[arg(long, value_name = "TIMES", value_parser = positive, requires = "device", help_heading = "Recording")]
+    speed: Option<f64>,
+    /// Keep all contacts in this file, which must not exist: MCAP, to be played with -d file:FILE
+    #[arg(long, value_name = "FILE", help_heading = "Recording")]
+    record: Option<PathBuf>,
+}
+
+/// The file of a recording's address.
+fn recorded_run(text: &str) -> Result<PathBuf, String> {
+    match text.parse() {
+        Ok(Address::Recording(path)) => Ok(path.into()),
+        _ => Err("contacts come from standard input, or from a recording: file:RUN.mcap".to_owned()),
+    }
+}
+
+/// What contacts are called in a recording.
+const CONTACTS: &str = "palm";
+
+/// Lines with their numbers; what cannot be read of one is no contact.
+type Lines = Box<dyn Iterator<Item = miette::Result<(u64, Result<String, String>)>>>;
+
+/// The lines of standard input.
+fn told_now() -> Lines {
+    let lines = lines_of_stdin().map(|line| {
+        let (number, line) = line.into_diagnostic().wrap_err("cannot read standard input")?;
+        Ok((number, line.map_err(|why| why.to_string())))
+    });
+    Box::new(lines)
+}
+
+/// The lines that a recorded run was told.
+fn told_before(run: &Path, speed: Option<f64>) -> miette::Result<Lines> {
+    let lines = recording::play::inputs(run, CONTACTS, speed)?.flatten();
+    Ok(Box::new((1..).zip(lines).map(|(number, line)| Ok((number, Ok(line))))))
 }
 
 /// What the contact transmits.
@@ -97,16 +140,26 @@ struct Contact {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    if let Some(file) = &arguments.record {
+        interrupt::listen();
+        recording::begin(file, false)?;
+    }
     let palm = arguments.palm.read()?;
     let mut tracker = RollTracker::new(arguments.question(&palm)?, arguments.window_s);
     let (mut before, mut last) = (String::new(), None);
     let mut passed_over = 0_u64;
-    for line in lines_of_stdin() {
-        let (index, line) = line.into_diagnostic().wrap_err("cannot read standard input")?;
+    let lines = match &arguments.device {
+        Some(run) => told_before(run, arguments.speed)?,
+        None => told_now(),
+    };
+    for line in lines.take_while(|_| !interrupt::requested()) {
+        let (index, line) = line?;
+        // A line that is no text has its place in a recording, as one that is no contact.
+        recording::note_input(CONTACTS, Some(line.as_deref().unwrap_or(NO_TEXT)));
         let contact = match line {
             Ok(text) if text.trim().is_empty() => continue,
             Ok(text) => contact(&text, last),
-            Err(why) => Err(why.to_string()),
+            Err(why) => Err(why),
         };
         let Contact { t, u } = match contact {
             Ok(contact) => contact,
@@ -120,7 +173,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
             palm.tell_beyond(t);
         }
         last = Some(t);
-        let (status, answer) = in_json(&tracker.feel(t, Vector2::from(u)));
+        let report = tracker.feel(t, Vector2::from(u));
+        recording::rolled(Vector2::from(u), attitude(&report));
+        let (status, answer) = in_json(&report);
         if status != before || index % arguments.every == 0 {
             let mut object = json!({"t": t, "status": status});
             if let (Some(object), Value::Object(answer)) = (object.as_object_mut(), answer) {
@@ -130,11 +185,24 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         }
         status.clone_into(&mut before);
     }
+    recording::note_input(CONTACTS, None);
     if passed_over > 0 {
         tracing::warn!("{} passed over", counted(usize::try_from(passed_over).unwrap_or(usize::MAX), "line"));
         return Ok(ExitCode::from(EXIT_SOME_BAD));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Stands in a recording for a line that is no text.
+const NO_TEXT: &str = "\u{fffd}";
+
+/// How the body is turned, if that is known.
+fn attitude(report: &Report) -> Option<Quaternion<f64>> {
+    match report {
+        Report::Found(estimate) => Some(estimate.hypotheses.first()?.end.orientation),
+        Report::Tracking(tracked) => Some(tracked.state.orientation),
+        Report::Collecting { .. } | Report::Undecided(_) | Report::Lost => None,
+    }
 }
 
 /// The contact of a line, felt after the last one; or why it is none.

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use super::read::{read_beside, tell_part};
 use super::watched_push::{MotionArgument, WatchedPushArguments, Watching};
 use super::{lacking, misfit, pose, positive};
-use crate::recording::{self, Believed};
+use crate::recording::{self, Believed, Seen};
 use crate::width::folded;
 
 /// One value a hundredth of a second, s.
@@ -52,9 +52,6 @@ pub(crate) struct Arguments {
     part: PathBuf,
 
     #[command(flatten)]
-    push: WatchedPushArguments,
-
-    #[command(flatten)]
     motion: MotionArgument,
 
     /// How strongly the finger can turn aside or speed up
@@ -76,6 +73,9 @@ pub(crate) struct Arguments {
     /// Print one JSON object: SI units, radians
     #[arg(long)]
     json: bool,
+
+    #[command(flatten)]
+    push: WatchedPushArguments,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
@@ -88,7 +88,8 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let tally = push.watch.tally();
     let known = push.known(&file);
     let estimate = from_rest::estimate(&known, &force);
-    recording::believed(0, estimate.time_end, estimate.hypotheses.iter().map(Believed::from));
+    let seen = Seen::pushed(known.part, known.motion, known.radius, estimate.time_end);
+    recording::believed(seen, estimate.hypotheses.iter().map(Believed::from));
     let present = known.present(&estimate);
     crate::progress::says("playing motions ahead".to_owned());
     let plan = Plan { estimate: &estimate, present, motions: arguments.motions(&present)? };

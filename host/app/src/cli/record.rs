@@ -30,12 +30,6 @@ pub(crate) struct Arguments {
     #[arg(value_name = "RUN.mcap")]
     file: PathBuf,
 
-    #[command(flatten)]
-    device: DeviceChoice,
-
-    #[command(flatten)]
-    calibration: CalibrationArguments,
-
     /// Keep the force of every sample beside the bytes, not of every block
     #[arg(long)]
     full: bool,
@@ -43,6 +37,12 @@ pub(crate) struct Arguments {
     /// Stop after so many seconds [default: until Ctrl-C]
     #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = super::positive)]
     seconds: Option<f64>,
+
+    #[command(flatten)]
+    device: DeviceChoice,
+
+    #[command(flatten)]
+    calibration: CalibrationArguments,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {

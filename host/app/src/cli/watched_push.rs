@@ -23,8 +23,7 @@ use palpate_files::calibration::carried::ComplianceRecord;
 use palpate_files::calibration::file::CalibrationFile;
 use palpate_files::part::PolygonFile;
 
-use super::calibrated::{CalibrationArguments, OffsetArguments};
-use super::device::DeviceArguments;
+use super::calibrated::FingerArguments;
 use super::kept_push::KeptPush;
 use super::motion_source::MotionSource;
 use super::semi_axes::SemiAxes;
@@ -44,9 +43,6 @@ pub(super) struct WatchedPushArguments {
     pub(super) forces: Option<PathBuf>,
 
     #[command(flatten)]
-    pub(super) tables: TableArguments,
-
-    #[command(flatten)]
     pub(super) felt: FeltPushArguments,
 
     /// Keep what is felt in this folder: forces.csv, rest included, and motion.toml, to be looked at again
@@ -54,13 +50,10 @@ pub(super) struct WatchedPushArguments {
     keep: Option<PathBuf>,
 
     #[command(flatten)]
-    device: DeviceArguments,
+    finger: FingerArguments,
 
     #[command(flatten)]
-    calibration: CalibrationArguments,
-
-    #[command(flatten)]
-    offset: OffsetArguments,
+    pub(super) tables: TableArguments,
 }
 
 /// What must be known of the finger, its rest and the plane to make sense of the forces.
@@ -443,7 +436,7 @@ impl Watching {
 impl WatchedPushArguments {
     /// Begins the recording that is asked for, before the files of the command are read.
     pub(super) fn begin_recording(&self) -> miette::Result<()> {
-        self.device.begin_recording()
+        self.finger.device.begin_recording()
     }
 
     /// The same, of which the friction of the plane is known so well where nothing is said of it.
@@ -455,7 +448,7 @@ impl WatchedPushArguments {
     /// Watches a push, the finger moving as this file says, until `look` has seen enough.
     pub(super) fn watch(&self, motion: &Path, watching: Watching, look: Look<'_>) -> miette::Result<WatchedPush> {
         let settings = WatchSettings { rest_s: self.felt.tare, every_s: watching.every_s };
-        let mut motion = MotionSource::open(motion, self.device.is_recording())?;
+        let mut motion = MotionSource::open(motion, self.finger.device.is_recording())?;
         let (felt, watch) = match &self.forces {
             Some(path) => {
                 let felt = self.felt.with(None);
@@ -486,13 +479,13 @@ impl WatchedPushArguments {
     ) -> miette::Result<(FeltPush, PushWatch)> {
         interrupt::listen();
         let mut kept = self.keep.as_deref().map(KeptPush::begin).transpose()?;
-        let mut session = self.device.open(true)?;
-        let (_, file) = self.calibration.require_file(&session)?;
+        let mut session = self.finger.device.open(true)?;
+        let (_, file) = self.finger.calibration.require_file(&session)?;
         let (calibration, felt) = (file.calibration().advised()?, self.felt.with(Some(&file)));
         live::start(&mut session).advised()?;
         note!("{}taring for {} s: no force on the finger", super::simulated_note(&session), self.felt.tare);
         let front_end = live::front_end(session.hello()).advised()?;
-        let is_checked = self.offset.expected(&calibration, &front_end).is_some();
+        let is_checked = self.finger.offset.expected(&calibration, &front_end).is_some();
         let mounting = self.felt.mounting();
         let mut watch = self.felt.watch(settings.every_s, &calibration, is_checked.then_some(front_end));
         let mut judge = CountsJudge::new(&calibration);

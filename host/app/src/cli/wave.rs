@@ -40,9 +40,6 @@ pub(crate) struct Arguments {
     #[arg(value_name = "FORCES", conflicts_with_all = ["device", "baud", "record", "speed"], requires = "calibration")]
     forces: Option<PathBuf>,
 
-    #[command(flatten)]
-    tables: TableArguments,
-
     /// Identify kept raw samples of a wave again (DATE.wave.csv, which has its motion) instead of taking new ones; needs -c
     #[arg(long, value_name = "FILE", conflicts_with_all = ["forces", "motion", "device", "baud", "record", "speed"])]
     #[arg(requires = "calibration")]
@@ -79,15 +76,18 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "MM:N", num_args = 3.., value_parser = pressed, conflicts_with = "compliance")]
     pressed: Vec<[f64; 2]>,
 
+    /// Date and time of the wave, RFC 3339 [default: now]
+    #[arg(long, value_name = "DATE")]
+    date: Option<String>,
+
     #[command(flatten)]
     device: DeviceArguments,
 
     #[command(flatten)]
     calibration: CalibrationArguments,
 
-    /// Date and time of the wave, RFC 3339 [default: now]
-    #[arg(long, value_name = "DATE")]
-    date: Option<String>,
+    #[command(flatten)]
+    tables: TableArguments,
 }
 
 /// Fastest acceleration of the swings where nothing is said of it, m/s²: 3 cm to the side, and 70 mN of a finger of 23 g.

@@ -15,7 +15,7 @@ use super::misfit;
 use super::pose;
 use super::read::{read_beside, tell_part};
 use super::watched_push::{MotionArgument, WatchedPushArguments, Watching};
-use crate::recording::{self, Believed};
+use crate::recording::{self, Believed, Seen};
 
 /// Names which of several known parts a finger has begun to push, and where it is.
 ///
@@ -32,14 +32,14 @@ pub(crate) struct Arguments {
     parts: Vec<PathBuf>,
 
     #[command(flatten)]
-    push: WatchedPushArguments,
-
-    #[command(flatten)]
     motion: MotionArgument,
 
     /// Print one JSON object: SI units, radians
     #[arg(long)]
     json: bool,
+
+    #[command(flatten)]
+    push: WatchedPushArguments,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
@@ -51,11 +51,10 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let known = candidates.iter().map(|candidate| push.known(&candidate.file));
     let ranked = estimation::which_part(known.map(|known| (known.part, known.estimate(&force))));
     ranked.iter().for_each(|ranked| {
-        recording::believed(
-            ranked.part,
-            ranked.estimate.time_end,
-            ranked.estimate.hypotheses.iter().map(Believed::from),
-        )
+        let (part, estimate) = (ranked.part, &ranked.estimate);
+        let known = push.known(&candidates[part].file);
+        let seen = Seen::pushed(known.part, known.motion, known.radius, estimate.time_end);
+        recording::believed(Seen { part, ..seen }, estimate.hypotheses.iter().map(Believed::from));
     });
     if arguments.json {
         let mut told = as_json(&candidates, &ranked);

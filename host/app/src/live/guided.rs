@@ -5,13 +5,31 @@
 //!
 //! Frames: the robot's axes, along which the finger's calibration is to give its forces. Units: SI. Errors: [`GuidedError`].
 
+use std::collections::VecDeque;
+
 use nalgebra::{Point2, Vector2};
-use palpate_device::robot::protocol::{RobotOrder, RobotPlace};
+use palpate_device::robot::protocol::{RobotLine, RobotOrder, RobotPlace};
 use palpate_device::robot::{RobotError, RobotLink};
 use thiserror::Error;
 
 use super::interrupt;
 use super::listening::{ListenError, ListeningFinger};
+
+/// What a robot's places are called in a recording: those that it told, and those that were waited for.
+const ROBOT: &str = "robot";
+const ASKED: &str = "robot_asked";
+
+/// And what it was told.
+const ORDERED: &str = "robot_told";
+
+/// The places in a robot's lines.
+fn told(lines: Vec<String>) -> Result<Vec<RobotPlace>, RobotError> {
+    let place = |line: String| match RobotLine::parse(&line)? {
+        RobotLine::Place(place) => Ok(place),
+        RobotLine::Error(words) => Err(RobotError::Refused(words)),
+    };
+    lines.into_iter().map(place).collect()
+}
 
 /// A robot stands where its places of this long are one, s of its own time.
 const STANDS_S: f64 = 0.06;
@@ -58,6 +76,8 @@ pub struct GuidedFinger {
     /// Standard deviation of each coordinate that the robot tells, m.
     place_sd: f64,
     places: Vec<RobotPlace>,
+    /// Of a recording, and not asked for yet.
+    asked: VecDeque<RobotPlace>,
     stop_told: bool,
 }
 
@@ -87,7 +107,7 @@ impl GuidedFinger {
     /// A finger and its robot, each of whose coordinates has this standard deviation (m).
     #[must_use]
     pub fn new(finger: ListeningFinger, robot: RobotLink, place_sd: f64) -> Self {
-        Self { finger, robot, place_sd, places: Vec::new(), stop_told: false }
+        Self { finger, robot, place_sd, places: Vec::new(), asked: VecDeque::new(), stop_told: false }
     }
 
     /// The finger, let go of by the robot.
@@ -101,7 +121,29 @@ impl GuidedFinger {
     /// # Errors
     /// [`GuidedError::Robot`].
     pub fn place(&mut self) -> Result<Point2<f64>, GuidedError> {
-        Ok(self.robot.place()?.at)
+        if self.finger.is_recorded() {
+            self.asked.extend(told(self.finger.recorded_inputs(ASKED))?);
+            let over = || ListenError::NoSamples("the recording does not say where the robot is".to_owned());
+            return Ok(self.asked.pop_front().ok_or_else(over)?.at);
+        }
+        let place = self.robot.place()?;
+        self.note(ASKED, &place);
+        Ok(place.at)
+    }
+
+    /// Where the robot said that it is, since this was last asked; now, or when it was recorded.
+    fn heard(&mut self) -> Result<Vec<RobotPlace>, GuidedError> {
+        if !self.finger.is_recorded() {
+            let places: Vec<_> = self.robot.places()?.into_iter().map(|(place, _)| place).collect();
+            places.iter().for_each(|place| self.note(ROBOT, place));
+            return Ok(places);
+        }
+        Ok(told(self.finger.recorded_inputs(ROBOT))?)
+    }
+
+    /// Has a recording keep a place, with all its digits.
+    fn note(&mut self, source: &str, place: &RobotPlace) {
+        self.finger.note_input(source, format!("{} {} {}", place.t, place.at.x, place.at.y));
     }
 
     /// The robot.
@@ -126,8 +168,15 @@ impl GuidedFinger {
     /// Tells the robot to stop; a link that is broken cannot carry it, which was told as an error before.
     pub fn stop(&mut self) {
         if !std::mem::replace(&mut self.stop_told, true) {
-            let _ = self.robot.order(RobotOrder::Stop);
+            let _ = self.order(RobotOrder::Stop);
         }
+    }
+
+    fn order(&mut self, order: RobotOrder) -> Result<(), GuidedError> {
+        if !self.finger.is_recorded() {
+            self.finger.note_input(ORDERED, order.to_string());
+        }
+        Ok(self.robot.order(order)?)
     }
 
     fn try_going(&mut self, to: Point2<f64>, speed: f64, until_touched: bool) -> Result<Went, GuidedError> {
@@ -135,7 +184,7 @@ impl GuidedFinger {
         let from = self.place()?;
         self.places.clear();
         self.stop_told = false;
-        self.robot.order(RobotOrder::Move { to, speed })?;
+        self.order(RobotOrder::Move { to, speed })?;
         let due = (to - from).norm() / speed + LATE_S;
         let mut begun = None;
         loop {
@@ -200,11 +249,12 @@ impl GuidedFinger {
     /// Takes what came from finger and robot.
     fn take(&mut self) -> Result<(), GuidedError> {
         if interrupt::requested() {
+            self.finger.note_interruption();
             return Err(GuidedError::Interrupted);
         }
         self.finger.take()?;
-        let places = self.robot.places()?;
-        self.places.extend(places.into_iter().map(|(place, _)| place));
+        let places = self.heard()?;
+        self.places.extend(places);
         Ok(())
     }
 }

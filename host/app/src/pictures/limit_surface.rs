@@ -35,8 +35,8 @@ pub fn figure(title: &str, body: &Body, push: &[Sample]) -> Figure {
         .subtitle(
             "friction on the table per µ·m·g, reversed: force in the part's axes, moment about the centre of mass",
         )
-        .column(1.0, vec![chart(Axis::X).into()])
-        .column(1.0, vec![chart(Axis::Y).into()])
+        .panel(chart(Axis::X))
+        .panel(chart(Axis::Y))
 }
 
 fn chart(axis: Axis, body: &Body, push: &[Sample]) -> Chart {

@@ -66,7 +66,7 @@ impl ObserverPicture<'_> {
         let believed =
             self.scene("(b) what the observer believes", ESTIMATE, |moment| (moment.believed, moment.estimate.u));
         let figure = headed(title, SCENES, subtitles);
-        figure.column(1.0, vec![actual.into()]).column(1.0, vec![believed.into()])
+        figure.panel(actual).panel(believed)
     }
 
     /// States and their estimates over time.

@@ -42,8 +42,7 @@ impl PartPicture<'_> {
     /// Draws the picture, with its own size.
     #[must_use]
     pub fn figure(&self) -> Figure {
-        let figure = Figure::new(self.title, PAGE[0], PAGE[1]).subtitles(self.subtitles);
-        figure.column(1.0, vec![self.scene().into()])
+        Figure::new(self.title, PAGE[0], PAGE[1]).subtitles(self.subtitles).panel(self.scene())
     }
 
     fn scene(&self) -> PlotScene {

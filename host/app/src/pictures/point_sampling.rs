@@ -41,7 +41,7 @@ impl SamplingPicture<'_> {
     #[must_use]
     pub fn figure(&self) -> Figure {
         let figure = Figure::new(self.title, PAGE[0], PAGE[1]).subtitles(self.subtitles);
-        figure.column(1.0, vec![self.shapes().into()]).column(1.0, vec![self.regions().into()])
+        figure.panel(self.shapes()).panel(self.regions())
     }
 
     /// Outlines and numbered points.

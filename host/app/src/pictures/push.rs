@@ -61,7 +61,7 @@ impl PushPicture<'_> {
     pub fn figure(&self) -> Figure {
         let figure = Figure::new(self.title, PAGE[0], PAGE[1]).subtitles(self.subtitles);
         let charts = [self.place_chart(), self.spin_chart(), self.force_chart()];
-        figure.column(1.25, vec![self.scene().into()]).column(1.0, charts.map(Into::into).into())
+        figure.scene_with_charts(self.scene(), charts)
     }
 
     /// The samples with the end.

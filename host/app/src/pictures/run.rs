@@ -61,7 +61,7 @@ pub fn force(force: &[(f64, Vector2<f64>)], unit: &str, marks: &[(f64, String)])
         draw(&mut chart, name, &points, colour);
     }
     marks.iter().for_each(|(t, mark)| chart.instant(*t, mark.as_str()));
-    Figure::new("", CHART[0], CHART[1]).column(1.0, vec![chart.into()])
+    Figure::new("", CHART[0], CHART[1]).panel(chart)
 }
 
 /// Contact angle with two standard deviations, in degrees, while something is touched.
@@ -78,7 +78,7 @@ pub fn contact(angles: &[[f64; 3]]) -> Figure {
         &some.iter().map(|&&[t, u, _]| [t, u]).collect::<Vec<_>>(),
         Stroke::solid(Colour::BLUE, 1.2),
     );
-    Figure::new("", CHART[0], CHART[1]).column(1.0, vec![chart.into()])
+    Figure::new("", CHART[0], CHART[1]).panel(chart)
 }
 
 /// Where a part was believed to be at a moment: probability and pose, the likeliest first.
@@ -96,7 +96,7 @@ pub fn belief(beliefs: &[Believed]) -> Figure {
     count.level(0.0, "");
     let counts: Series = beliefs.iter().map(|(t, poses)| [*t, poses.len() as f64]).collect();
     count.curve("", &counts, Stroke::solid(Colour::GREEN, 1.4));
-    Figure::new("", CHART[0], CHART[1]).column(1.0, vec![likely.into()]).column(1.0, vec![count.into()])
+    Figure::new("", CHART[0], CHART[1]).panel(likely).panel(count)
 }
 
 /// The part at every pose that was left in the end, and the likeliest on its way there.
@@ -128,7 +128,7 @@ pub fn plane(part: &Part, beliefs: &[Believed]) -> Figure {
     );
     scene.key(Key::Line(Stroke::solid(Colour::GREY, 0.8).with(Dash::Dashed)), "the likeliest before");
     scene.key(Key::Line(Stroke::solid(Colour::GREEN, 1.5)), "its centre of mass");
-    Figure::new("", PLANE[0], PLANE[1]).column(1.0, vec![scene.into()])
+    Figure::new("", PLANE[0], PLANE[1]).panel(scene)
 }
 
 #[cfg(test)]

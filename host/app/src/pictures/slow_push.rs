@@ -40,7 +40,7 @@ impl SlowPushPicture<'_> {
     pub fn figure(&self) -> Figure {
         let figure = Figure::new(self.title, PAGE[0], PAGE[1]).subtitles(self.subtitles);
         let charts = [self.place_chart(), self.turn_chart(), self.force_chart()];
-        figure.column(1.25, vec![self.scene().into()]).column(1.0, charts.map(Into::into).into())
+        figure.scene_with_charts(self.scene(), charts)
     }
 
     fn samples(&self) -> &[SlowSample] {

@@ -33,6 +33,12 @@ pub(super) enum Kind {
     Belief,
     /// The same pose as a transform.
     Transforms,
+    /// Part and finger, to be drawn.
+    Scene,
+    /// Where a body touches a palm.
+    PalmContact,
+    /// How that body is turned.
+    PalmAttitude,
     /// What the person was told.
     Log,
 }
@@ -52,6 +58,9 @@ impl Kind {
             Self::Pose => "/part/pose",
             Self::Belief => "/part/belief",
             Self::Transforms => "/tf",
+            Self::Scene => "/scene",
+            Self::PalmContact => "/palm/contact",
+            Self::PalmAttitude => "/palm/attitude",
             Self::Log => "/log",
         }
     }
@@ -81,6 +90,28 @@ impl Kind {
                 "tf2_msgs/msg/TFMessage",
                 &[TF_MESSAGE, TRANSFORM_STAMPED, HEADER, TIME, TRANSFORM, VECTOR3, QUATERNION],
             ),
+            Self::Scene => (
+                "visualization_msgs/msg/MarkerArray",
+                &[
+                    MARKER_ARRAY,
+                    MARKER,
+                    HEADER,
+                    TIME,
+                    DURATION,
+                    POSE,
+                    POINT,
+                    QUATERNION,
+                    VECTOR3,
+                    COLOUR,
+                    COMPRESSED_IMAGE,
+                    UV_COORDINATE,
+                    MESH_FILE,
+                ],
+            ),
+            Self::PalmContact => ("geometry_msgs/msg/PointStamped", &[POINT_STAMPED, HEADER, TIME, POINT]),
+            Self::PalmAttitude => {
+                ("geometry_msgs/msg/QuaternionStamped", &[QUATERNION_STAMPED, HEADER, TIME, QUATERNION])
+            }
             Self::Log => ("rcl_interfaces/msg/Log", &[LOG, TIME]),
         };
         let is_json = matches!(self, Self::Events | Self::Inputs | Self::Counters);
@@ -134,7 +165,7 @@ float64 magnitude_sd
 const BELIEF: &str = "\
 # Everywhere that the part may be; none where nothing explains the force
 std_msgs/Header header
-float64 felt_s # up to when the push was used, since it began
+float64 felt_s # up to when the push was used, since it began; NaN where it was slow and only its way counts
 uint32 part # number of the part on the command line, from 0
 palpate_msgs/Hypothesis[] hypotheses
 ";
@@ -160,6 +191,39 @@ string file
 string function
 uint32 line
 ";
+
+const MARKER_ARRAY: &str = "visualization_msgs/Marker[] markers\n";
+const MARKER: &str = "\
+MSG: visualization_msgs/Marker
+std_msgs/Header header
+string ns
+int32 id
+int32 type
+int32 action
+geometry_msgs/Pose pose
+geometry_msgs/Vector3 scale
+std_msgs/ColorRGBA color
+builtin_interfaces/Duration lifetime
+bool frame_locked
+geometry_msgs/Point[] points
+std_msgs/ColorRGBA[] colors
+string texture_resource
+sensor_msgs/CompressedImage texture
+visualization_msgs/UVCoordinate[] uv_coordinates
+string text
+string mesh_resource
+visualization_msgs/MeshFile mesh_file
+bool mesh_use_embedded_materials
+";
+const POINT_STAMPED: &str = "std_msgs/Header header\ngeometry_msgs/Point point\n";
+const QUATERNION_STAMPED: &str = "std_msgs/Header header\ngeometry_msgs/Quaternion quaternion\n";
+
+const DURATION: &str = "MSG: builtin_interfaces/Duration\nint32 sec\nuint32 nanosec\n";
+const COLOUR: &str = "MSG: std_msgs/ColorRGBA\nfloat32 r\nfloat32 g\nfloat32 b\nfloat32 a\n";
+const COMPRESSED_IMAGE: &str =
+    "MSG: sensor_msgs/CompressedImage\nstd_msgs/Header header\nstring format\nuint8[] data\n";
+const UV_COORDINATE: &str = "MSG: visualization_msgs/UVCoordinate\nfloat32 u\nfloat32 v\n";
+const MESH_FILE: &str = "MSG: visualization_msgs/MeshFile\nstring filename\nuint8[] data\n";
 
 const HEADER: &str = "MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n";
 const TIME: &str = "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n";

@@ -6,12 +6,14 @@
 
 use std::time::{Duration, Instant};
 
-use nalgebra::{Matrix3, Vector2};
+use nalgebra::{Matrix3, Point2, Quaternion, Vector2};
 use palpate::finger::contact::{Contact, Reading};
 use palpate::finger::judge::Judged;
 use palpate::finger::sense::{FingerSense, Sensed};
 use palpate::geometry::Pose;
+use palpate::pushing::dynamics::Part;
 use palpate::pushing::estimation::Hypothesis;
+use palpate::pushing::finger_motion::FingerMotion;
 use palpate_device::{Incoming, Session};
 use palpate_files::mcap::cdr::Cdr;
 use serde_json::json;
@@ -26,6 +28,7 @@ const COUNTERS_EVERY: Duration = Duration::from_secs(1);
 const FINGER: &str = "finger";
 const WORLD: &str = "world";
 const PART: &str = "part";
+const PALM: &str = "palm";
 
 /// What the messages are made with.
 #[derive(Debug)]
@@ -34,13 +37,16 @@ pub(super) struct Derived {
     bias: Option<Vector2<f64>>,
     sense: Option<FingerSense>,
     counted: Option<Instant>,
+    /// When a scene was drawn, ns, and with how many hypotheses.
+    drawn_ns: Option<u64>,
+    drawn: usize,
     /// Unix time of what the session went by last, ns.
     pub(super) newest_ns: u64,
 }
 
 impl Derived {
     pub(super) fn new(is_full: bool) -> Self {
-        Self { is_full, bias: None, sense: None, counted: None, newest_ns: 0 }
+        Self { is_full, bias: None, sense: None, counted: None, drawn_ns: None, drawn: 0, newest_ns: 0 }
     }
 }
 
@@ -87,11 +93,44 @@ impl From<&Hypothesis> for Believed {
     }
 }
 
-/// Takes where the part may be, number `part` of those that were named, so long after the push began, s; the likeliest first.
-pub(crate) fn believed(part: usize, felt_s: f64, hypotheses: impl IntoIterator<Item = Believed>) {
+/// What is on the table while a part is believed to be somewhere.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Seen<'a> {
+    /// Number of the part among those that were named.
+    pub(crate) part: usize,
+    /// In the part's own frame, m.
+    pub(crate) outline: &'a [Point2<f64>],
+    /// Centre and radius of the finger's disk, m.
+    pub(crate) disk: (Point2<f64>, f64),
+    /// Since the push began, s; NaN where it has no speed.
+    pub(crate) felt_s: f64,
+}
+
+impl<'a> Seen<'a> {
+    /// The only part that was named, so long after a finger of this radius (m) began to move (s).
+    pub(crate) fn pushed(part: &'a Part, motion: &FingerMotion, radius: f64, felt_s: f64) -> Self {
+        Self { part: 0, outline: part.polygon().vertices(), disk: (motion.centre(felt_s), radius), felt_s }
+    }
+}
+
+/// Takes where the part may be; the likeliest first.
+pub(crate) fn believed(seen: Seen<'_>, hypotheses: impl IntoIterator<Item = Believed>) {
     if let Some(recording) = &mut *active() {
         let hypotheses: Vec<_> = hypotheses.into_iter().collect();
-        recording.believe(recording.derived.newest_ns, part, felt_s, &hypotheses);
+        let at = recording.derived.newest_ns;
+        recording.believe(at, seen, &hypotheses);
+        recording.draw(at, seen, &hypotheses);
+    }
+}
+
+/// Takes where a body touches the palm (m, palm axes) and how it is turned, if that is known.
+pub(crate) fn rolled(contact: Vector2<f64>, attitude: Option<Quaternion<f64>>) {
+    let Some(recording) = &mut *active() else { return };
+    let at = recording.derived.newest_ns;
+    recording.tell(Kind::PalmContact, at, Cdr::new().header(at, PALM).f64s([contact.x, contact.y, 0.0]));
+    if let Some(attitude) = attitude {
+        let [x, y, z, w] = attitude.coords.into();
+        recording.tell(Kind::PalmAttitude, at, Cdr::new().header(at, PALM).f64s([x, y, z, w]));
     }
 }
 
@@ -187,8 +226,9 @@ impl Recording {
         self.put(Kind::Counters, unix_ns, data);
     }
 
-    fn believe(&mut self, at: u64, part: usize, felt_s: f64, hypotheses: &[Believed]) {
-        let belief = Cdr::new().header(at, WORLD).f64(felt_s).u32(u32::try_from(part).unwrap_or(u32::MAX));
+    fn believe(&mut self, at: u64, seen: Seen<'_>, hypotheses: &[Believed]) {
+        let part = u32::try_from(seen.part).unwrap_or(u32::MAX);
+        let belief = Cdr::new().header(at, WORLD).f64(seen.felt_s).u32(part);
         let belief = belief.sequence(hypotheses, |cdr, hypothesis| {
             let pose = hypothesis.pose;
             let edge = u32::try_from(hypothesis.edge).unwrap_or(u32::MAX);
@@ -197,20 +237,97 @@ impl Recording {
         });
         self.tell(Kind::Belief, at, belief);
         let Some(best) = hypotheses.first() else { return };
-        let pose = best.pose;
-        let (sin, cos) = (0.5 * pose.theta).sin_cos();
         // Of x, y, z and the turns about them: what a plane leaves open is 0.
         let covariance = (0..36).map(|place| match [place / 6, place % 6].map(plane) {
             [Some(row), Some(column)] => entry(best, row, column),
             _ => 0.0,
         });
-        let stamped = Cdr::new().header(at, WORLD).f64s([pose.x, pose.y, 0.0]).f64s([0.0, 0.0, sin, cos]);
-        self.tell(Kind::Pose, at, stamped.f64s(covariance));
-        let transforms = Cdr::new().sequence(&[()], |cdr, ()| {
-            cdr.header(at, WORLD).text(PART).f64s([pose.x, pose.y, 0.0]).f64s([0.0, 0.0, sin, cos])
-        });
+        self.tell(Kind::Pose, at, on_plane(Cdr::new().header(at, WORLD), &best.pose).f64s(covariance));
+        let transforms =
+            Cdr::new().sequence(&[best.pose], |cdr, pose| on_plane(cdr.header(at, WORLD).text(PART), pose));
         self.tell(Kind::Transforms, at, transforms);
     }
+
+    /// Draws the part at its likeliest poses, the likelier the darker, and the finger.
+    fn draw(&mut self, at: u64, seen: Seen<'_>, hypotheses: &[Believed]) {
+        let is_due = self.derived.drawn_ns.is_none_or(|last| at.saturating_sub(last) >= DRAWN_EVERY_NS);
+        if !is_due && self.derived.drawn == hypotheses.len() {
+            return;
+        }
+        (self.derived.drawn_ns, self.derived.drawn) = (Some(at), hypotheses.len());
+        let nowhere = Pose { x: 0.0, y: 0.0, theta: 0.0 };
+        let (centre, radius) = seen.disk;
+        let mut markers = vec![
+            Marker { action: Marker::DELETE_ALL, ..Marker::new("", 0, Marker::LINE_STRIP, nowhere) },
+            Marker {
+                scale: [2.0 * radius, 2.0 * radius, DRAWN_LINE_M],
+                colour: [0.4, 0.4, 0.4, 0.8],
+                ..Marker::new(FINGER, 0, Marker::CYLINDER, Pose { x: centre.x, y: centre.y, theta: 0.0 })
+            },
+        ];
+        for (number, believed) in (0..).zip(hypotheses.iter().take(DRAWN_MAX)) {
+            #[expect(clippy::cast_possible_truncation, reason = "a shade")]
+            let shade = believed.probability.clamp(0.15, 1.0) as f32;
+            markers.push(Marker {
+                scale: [DRAWN_LINE_M, 0.0, 0.0],
+                colour: [0.0, 0.45, 0.7, shade],
+                points: seen.outline,
+                ..Marker::new(PART, number, Marker::LINE_STRIP, believed.pose)
+            });
+        }
+        self.tell(Kind::Scene, at, Cdr::new().sequence(&markers, |cdr, marker| marker.write(cdr, at)));
+    }
+}
+
+/// A scene is drawn no oftener than screens are.
+const DRAWN_EVERY_NS: u64 = 33_000_000;
+
+/// Of hypotheses so many are drawn: more of them would be one blot.
+const DRAWN_MAX: usize = 20;
+
+/// How thick outlines are drawn, and the finger's disk, m.
+const DRAWN_LINE_M: f64 = 1e-3;
+
+/// A `visualization_msgs/msg/Marker`.
+struct Marker<'a> {
+    name: &'static str,
+    number: i32,
+    kind: i32,
+    action: i32,
+    pose: Pose,
+    scale: [f64; 3],
+    colour: [f32; 4],
+    /// Of a closed line, in the frame of its pose.
+    points: &'a [Point2<f64>],
+}
+
+impl Marker<'_> {
+    const CYLINDER: i32 = 3;
+    const LINE_STRIP: i32 = 4;
+    const ADD: i32 = 0;
+    const DELETE_ALL: i32 = 3;
+
+    fn new(name: &'static str, number: i32, kind: i32, pose: Pose) -> Self {
+        Self { name, number, kind, action: Self::ADD, pose, scale: [1.0; 3], colour: [0.0; 4], points: &[] }
+    }
+
+    fn write(&self, cdr: Cdr, at: u64) -> Cdr {
+        let cdr = cdr.header(at, WORLD).text(self.name).i32(self.number).i32(self.kind).i32(self.action);
+        let cdr = on_plane(cdr, &self.pose).f64s(self.scale);
+        // It stays until it is replaced, where it is.
+        let cdr = self.colour.into_iter().fold(cdr, Cdr::f32).i32(0).u32(0).bool(false);
+        let line: Vec<_> = self.points.iter().chain(self.points.first()).collect();
+        let cdr = cdr.sequence(&line, |cdr, point| cdr.f64s([point.x, point.y, 0.0]));
+        // No colours of single points, no texture, no words, no mesh.
+        let cdr = cdr.sequence(&[(); 0], |cdr, ()| cdr).text("").time(0).text("").text("").bytes(&[]);
+        cdr.sequence(&[(); 0], |cdr, ()| cdr).text("").text("").text("").bytes(&[]).bool(false)
+    }
+}
+
+/// Adds a pose on the plane: place, then turn as a quaternion.
+fn on_plane(cdr: Cdr, pose: &Pose) -> Cdr {
+    let (sin, cos) = (0.5 * pose.theta).sin_cos();
+    cdr.f64s([pose.x, pose.y, 0.0]).f64s([0.0, 0.0, sin, cos])
 }
 
 /// Of the covariance of x, y, theta; NaN where it is not known.

@@ -67,7 +67,7 @@ pub(crate) struct KeptContact {
 /// Where the part may have been.
 #[derive(Debug)]
 pub(crate) struct Belief {
-    /// Up to when the push was used, s since it began.
+    /// Up to when the push was used, s since it began; NaN of slow ones.
     pub(crate) felt_s: f64,
     /// Number of the part.
     pub(crate) part: u32,

@@ -19,10 +19,11 @@ use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::Instant;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
-use palpate_device::trace::{Entry, Recorder, Stamp, Traced};
+use palpate_device::trace::{Entry, Input, Recorder, Stamp, Traced};
 use palpate_files::mcap::Writer;
 use palpate_files::mcap::cdr::Cdr;
 use palpate_shared::wire::PROTOCOL;
@@ -31,7 +32,7 @@ use sha2::{Digest as _, Sha256};
 use channels::Kind;
 use disk::{Disk, Item};
 
-pub(crate) use derived::{Believed, believed, sensing, taken, tared};
+pub(crate) use derived::{Believed, Seen, believed, rolled, sensing, taken, tared};
 
 /// Version of what is in a recording, as `palpate` reads it back.
 const FORMAT: &str = "1";
@@ -206,6 +207,20 @@ impl Recorder for Tap {
         };
         put(kind, unix_ns, data);
     }
+}
+
+/// When what came in without a session began to.
+static EPOCH: OnceLock<Instant> = OnceLock::new();
+
+/// Notes what came in where there is no session that would.
+pub(crate) fn note_input(source: &str, line: Option<&str>) {
+    if !is_active() {
+        return;
+    }
+    let now = Stamp::now();
+    let host_ns = now.since(*EPOCH.get_or_init(|| now.at));
+    let input = Input { source: source.to_owned(), line: line.map(str::to_owned) };
+    Tap.take(Entry { host_ns, unix_ns: now.unix_ns, what: Traced::Input(input) });
 }
 
 /// An object with the host's time.

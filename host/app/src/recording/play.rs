@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use miette::WrapErr as _;
 use palpate_device::session::SessionOptions;
@@ -68,6 +69,29 @@ pub(crate) fn open(path: &Path, options: SessionOptions, speed: PlaySpeed) -> mi
         .advised()?;
     *ATTACHMENTS.lock().unwrap_or_else(PoisonError::into_inner) = scan.attached;
     Ok(session)
+}
+
+/// What the recorded program took in beside the link from one source, line by line and `None` where it ended, as fast as it
+/// is asked for or so many times as fast as it came.
+pub(crate) fn inputs(
+    path: &Path,
+    source: &'static str,
+    times: Option<f64>,
+) -> miette::Result<impl Iterator<Item = Option<String>> + use<>> {
+    command_line(path).wrap_err_with(|| cannot(path))?;
+    let mut scan = Scan::open(path).map_err(not_read).wrap_err_with(|| cannot(path))?;
+    scan.is_told = true;
+    let begun = Instant::now();
+    let mut first_ns = None;
+    Ok(scan.filter_map(move |entry| {
+        let Traced::Input(input) = entry.what else { return None };
+        let since = entry.host_ns.saturating_sub(*first_ns.get_or_insert(entry.host_ns));
+        if let Some(times) = times {
+            let due = begun + Duration::from_nanos(since).div_f64(times);
+            std::thread::sleep(due.saturating_duration_since(Instant::now()));
+        }
+        (input.source == source).then_some(input.line)
+    }))
 }
 
 fn cannot(path: &Path) -> String {

@@ -86,8 +86,8 @@ pub(crate) enum Link {
 pub(crate) struct Recorded {
     /// The file.
     pub(crate) file: String,
-    /// Device time at which it began, s.
-    pub(crate) since: f64,
+    /// Device time at which it began, s; none before its first sample.
+    pub(crate) since: Option<f64>,
     /// Marks set in it.
     pub(crate) marks: u32,
     /// Whether it is still written.
@@ -195,6 +195,9 @@ impl State {
     pub(crate) fn take_block(&mut self, samples: &Samples, judged: &[Judged], arrival: Duration) {
         self.link = Link::Streaming;
         self.t = samples.device_time_s(samples.counts.len());
+        if let Some(recording) = &mut self.recording {
+            recording.since.get_or_insert(samples.device_time_s(0));
+        }
         if samples.missing_before > 0 {
             let before = self.loss.filter(|(t, _)| self.t - t < LOSS_SHOWN_S).map_or(0, |(_, lost)| lost);
             self.loss = Some((self.t, before + samples.missing_before));

@@ -196,7 +196,8 @@ fn link_lines(state: &State) -> Vec<Line<'static>> {
                 0 => String::new(),
                 marks => format!(", marks: {marks}"),
             };
-            Line::raw(format!("● {} {:.0} s{marks}", recording.file, (state.t - recording.since).max(0.0)))
+            let lasts = recording.since.map_or(0.0, |since| state.t - since);
+            Line::raw(format!("● {} {lasts:.0} s{marks}", recording.file))
         }
         _ => Line::raw("not recorded"),
     });

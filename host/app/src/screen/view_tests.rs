@@ -62,7 +62,7 @@ fn pressed() -> State {
         temperature_c: Some(31.25),
         inputs: None,
         counts: SessionCounts { samples: 72_000, missing: 16, damaged_frames: 2, ..SessionCounts::default() },
-        recording: Some(Recorded { file: "run.mcap".to_owned(), since: 1.0, marks: 3, goes_on: true }),
+        recording: Some(Recorded { file: "run.mcap".to_owned(), since: Some(1.0), marks: 3, goes_on: true }),
         bridges: Some(Bridges {
             microstrain: [-123.45, 45.6],
             range: [0.124, 0.046],

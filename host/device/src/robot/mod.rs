@@ -86,6 +86,8 @@ enum Out {
     Line(Transport),
     /// In this process: its time is that of its world, and so are its places.
     Simulated(SimulatedRobot),
+    /// Nowhere: what the robot did is past.
+    Recorded,
 }
 
 fn held<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -122,9 +124,19 @@ impl RobotLink {
     /// The robot of a simulated world in this process.
     #[must_use]
     pub fn simulated(robot: SimulatedRobot, epoch: Instant) -> Self {
+        Self::without_line("sim:", epoch, Out::Simulated(robot))
+    }
+
+    /// The robot of a recorded run: it takes orders without a word, and whoever plays the run knows what it said.
+    #[must_use]
+    pub fn recorded(epoch: Instant) -> Self {
+        Self::without_line("file:", epoch, Out::Recorded)
+    }
+
+    fn without_line(address: &str, epoch: Instant, out: Out) -> Self {
         let heard = Heard { places: VecDeque::new(), clock: ClockMap::default(), last: epoch, wrong: None };
         let (heard, ended) = (Arc::new(Mutex::new(heard)), Arc::new(AtomicBool::new(false)));
-        Self { address: "sim:".to_owned(), epoch, out: Out::Simulated(robot), heard, ended, thread: None }
+        Self { address: address.to_owned(), epoch, out, heard, ended, thread: None }
     }
 
     /// Gives an order.
@@ -137,6 +149,7 @@ impl RobotLink {
                 robot.order(order);
                 Ok(())
             }
+            Out::Recorded => Ok(()),
             Out::Line(transport) => writeln!(transport, "{order}")
                 .map_err(|error| RobotError::Broken { address: self.address.clone(), reason: error.to_string() }),
         }
@@ -190,7 +203,7 @@ impl RobotLink {
     pub fn as_simulated(&self) -> Option<&SimulatedRobot> {
         match &self.out {
             Out::Simulated(robot) => Some(robot),
-            Out::Line(_) => None,
+            Out::Line(_) | Out::Recorded => None,
         }
     }
 }

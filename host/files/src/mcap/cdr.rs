@@ -67,6 +67,12 @@ impl Cdr {
 
     /// Adds a number.
     #[must_use]
+    pub fn f32(self, value: f32) -> Self {
+        self.number(value.to_le_bytes())
+    }
+
+    /// Adds a number.
+    #[must_use]
     pub fn f64(self, value: f64) -> Self {
         self.number(value.to_le_bytes())
     }

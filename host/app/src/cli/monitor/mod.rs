@@ -10,8 +10,7 @@ use miette::IntoDiagnostic as _;
 use palpate::finger::judge::CountsJudge;
 use palpate_device::Session;
 
-use super::calibrated::{CalibrationArguments, KeptTare, OffsetArguments};
-use super::device::DeviceArguments;
+use super::calibrated::{FingerArguments, KeptTare};
 use super::lacking;
 use super::tared::{self, Untared};
 use crate::advice::Advise as _;
@@ -33,15 +32,6 @@ use watch::{Ended, Tared, Watch};
 /// device started anew, 64 wrong command line.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    #[command(flatten)]
-    device: DeviceArguments,
-
-    #[command(flatten)]
-    calibration: CalibrationArguments,
-
-    #[command(flatten)]
-    offset: OffsetArguments,
-
     /// Take the tare over so many seconds at the start
     #[arg(long, default_value_t = 1.0, value_name = "S", allow_negative_numbers = true, value_parser = super::stretch)]
     tare: f64,
@@ -90,6 +80,9 @@ pub(crate) struct Arguments {
     /// Have the device compute forces as well, and hold each against its samples
     #[arg(long)]
     device_force: bool,
+
+    #[command(flatten)]
+    finger: FingerArguments,
 }
 
 /// The screen is told of readings at this rate, Hz: twice as often as it is drawn.
@@ -97,11 +90,11 @@ const SCREEN_HZ: f64 = 30.0;
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     interrupt::listen();
-    arguments.device.begin_recording()?;
-    let mut session = arguments.device.open(true)?;
-    let calibration = arguments.calibration.require(&session)?;
+    arguments.finger.device.begin_recording()?;
+    let mut session = arguments.finger.device.open(true)?;
+    let calibration = arguments.finger.calibration.require(&session)?;
     let settings = tared::settings(arguments.mounting_deg.to_radians(), arguments.mu_c, arguments.average_ms);
-    let finger = Untared::new(&session, calibration, settings, arguments.offset)?;
+    let finger = Untared::new(&session, calibration, settings, arguments.finger.offset)?;
     live::start(&mut session).advised()?;
     session.ping().advised()?;
     let unit = finger.unit();
@@ -167,7 +160,7 @@ fn shown(session: &Session, finger: &Untared) -> miette::Result<Screen> {
     let finger = Finger::of(session, finger.unit(), finger.front_end.microstrain_per_count());
     let recording = recording::file().map(|file| Recorded {
         file: file.display().to_string(),
-        since: 0.0,
+        since: None,
         marks: 0,
         goes_on: true,
     });
@@ -202,7 +195,7 @@ pub(super) fn tell_counts(session: &Session) {
 impl Arguments {
     /// Whether to show a screen: on a terminal, and of a recording only if it is played at some speed.
     fn is_screen(&self) -> bool {
-        let is_played = self.device.is_recording() && !self.device.has_speed();
+        let is_played = self.finger.device.is_recording() && !self.finger.device.has_speed();
         !self.plain && !self.json && !is_played && terminal::is_there()
     }
 }

@@ -170,7 +170,10 @@ impl<'a> Watch<'a> {
     /// Takes what came; whether to go on.
     fn take(&mut self, session: &mut Session, incoming: &Incoming, judged: Vec<Judged>) -> Result<bool, Failed> {
         let Incoming::Samples(samples) = incoming else {
-            tell(self.arguments.json, incoming);
+            // On the screen inputs have their place.
+            if self.screen.is_none() || !matches!(incoming, Incoming::Inputs(_)) {
+                tell(self.arguments.json, incoming);
+            }
             self.show(|state| match incoming {
                 Incoming::Disconnected { reason } => state.link = Link::Lost { reason: reason.clone() },
                 Incoming::Silent { .. } => state.link = Link::Silent,
@@ -311,8 +314,8 @@ impl<'a> Watch<'a> {
         let file = format!("monitor-{begun}.mcap");
         let words = recording::command_line();
         recording::begin_as(Path::new(&file), false, &with_tare_file(&words))?;
-        let mut session = self.arguments.device.open(true)?;
-        self.arguments.calibration.require(&session).wrap_err("the device came back otherwise")?;
+        let mut session = self.arguments.finger.device.open(true)?;
+        self.arguments.finger.calibration.require(&session).wrap_err("the device came back otherwise")?;
         KeptTare::new(&session, self.tared.unit(), *self.tared.sense.tare()).attach();
         live::start(&mut session).advised()?;
         session.ping().advised()?;
@@ -325,7 +328,7 @@ impl<'a> Watch<'a> {
             (state.is_taring, state.t) = (false, 0.0);
             state.tare.iter_mut().for_each(|tare| tare.at = None);
             state.history.clear();
-            state.recording = Some(Recorded { file, since: 0.0, marks: 0, goes_on: true });
+            state.recording = Some(Recorded { file, since: None, marks: 0, goes_on: true });
         });
         Ok(session)
     }

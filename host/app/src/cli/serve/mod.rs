@@ -12,8 +12,7 @@ use miette::{IntoDiagnostic as _, WrapErr as _};
 use palpate_device::{PlaySpeed, Session};
 use palpate_files::part::PolygonFile;
 
-use super::calibrated::{CalibrationArguments, KeptTare, OffsetArguments};
-use super::device::DeviceArguments;
+use super::calibrated::{FingerArguments, KeptTare};
 use super::lacking;
 use super::motion_source::MotionSource;
 use super::read::{read, tell_part};
@@ -49,15 +48,6 @@ device started anew, 64 wrong command line.";
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = super::help::flowing(LONG_HELP))]
 pub(crate) struct Arguments {
-    #[command(flatten)]
-    device: DeviceArguments,
-
-    #[command(flatten)]
-    calibration: CalibrationArguments,
-
-    #[command(flatten)]
-    offset: OffsetArguments,
-
     /// Listen at this address of the computer, or all of them with 0.0.0.0; who is not on it needs the token
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST), help_heading = "Page")]
     bind: IpAddr,
@@ -89,9 +79,6 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "S", default_value_t = 0.1, value_parser = super::positive, help_heading = "Push")]
     every: f64,
 
-    #[command(flatten)]
-    felt: FeltPushArguments,
-
     /// Use the tare kept in this file instead of taking one; a push is watched from a rest all the same
     #[arg(long, value_name = "FILE")]
     tare_file: Option<PathBuf>,
@@ -107,6 +94,12 @@ pub(crate) struct Arguments {
     /// Stop after so many seconds of samples [default: until Ctrl-C]
     #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = super::positive)]
     seconds: Option<f64>,
+
+    #[command(flatten)]
+    felt: FeltPushArguments,
+
+    #[command(flatten)]
+    finger: FingerArguments,
 }
 
 /// A token that an address can carry as it is, and that nobody guesses.
@@ -125,13 +118,13 @@ const RETRY: Duration = Duration::from_secs(1);
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     interrupt::listen();
-    arguments.device.begin_recording()?;
+    arguments.finger.device.begin_recording()?;
     let pushed = arguments.pushed()?;
     let mut shown = Shown::default();
     shown.push = pushed.as_ref().map(|(file, motion)| arguments.shown_push(file, motion));
     shown.state.recording = recording::file().map(|file| Recorded {
         file: file.display().to_string(),
-        since: 0.0,
+        since: None,
         marks: 0,
         goes_on: true,
     });
@@ -152,7 +145,7 @@ impl Arguments {
         let (Some(part), Some(motion)) = (&self.part, &self.motion) else { return Ok(None) };
         let file = read(part, PolygonFile::parse)?;
         tell_part(part, file.part.polygon().vertices(), file.part.body(), &file.doubts());
-        Ok(Some((file, MotionSource::open(motion, self.device.is_recording())?)))
+        Ok(Some((file, MotionSource::open(motion, self.finger.device.is_recording())?)))
     }
 
     fn shown_push(&self, file: &PolygonFile, motion: &MotionSource) -> Push {
@@ -202,10 +195,10 @@ impl Arguments {
 
     /// Opens the device, or waits until it can be; `None` where that was to end.
     fn wait_for_device(&self, board: &Board) -> miette::Result<Option<Session>> {
-        let can_come = self.device.can_come()?;
+        let can_come = self.finger.device.can_come()?;
         let mut told = String::new();
         while !interrupt::requested() {
-            let error = match self.device.open_at(true, PlaySpeed::Times(1.0)) {
+            let error = match self.finger.device.open_at(true, PlaySpeed::Times(1.0)) {
                 Ok(session) => return Ok(Some(session)),
                 Err(error) if !can_come => return Err(error),
                 Err(error) => error,
@@ -232,10 +225,10 @@ impl Arguments {
         server: &Server,
         pushed: Option<(PolygonFile, MotionSource)>,
     ) -> miette::Result<ExitCode> {
-        let (_, file) = self.calibration.require_file(&session)?;
+        let (_, file) = self.finger.calibration.require_file(&session)?;
         let mounting = self.felt.mounting();
         let settings = tared::settings(mounting, self.mu_c, self.average_ms);
-        let finger = Untared::new(&session, file.calibration().advised()?, settings, self.offset)?;
+        let finger = Untared::new(&session, file.calibration().advised()?, settings, self.finger.offset)?;
         let board = server.board();
         let (observer, motion) = match pushed {
             Some((part, motion)) => {

@@ -15,7 +15,7 @@ use palpate_files::part::PolygonFile;
 
 use super::super::watched_push::{FeltPush, not_at_rest};
 use crate::live::interrupt;
-use crate::recording::{self, Believed};
+use crate::recording::{self, Believed, Seen};
 use crate::web::server::Board;
 use crate::web::shown::{Belief, PushStage, ShownPose};
 
@@ -166,14 +166,14 @@ impl Observing {
         if self.watch.is_due(motion)
             && let Some(answer) = self.watch.look(&known, stop)
         {
-            self.believe(&answer.estimate, false);
+            self.believe(motion, &answer.estimate, false);
         }
         if self.watch.is_over(motion, *is_complete) {
             let answer = self.watch.conclude(&known, stop).filter(|_| !stop());
             self.is_over = true;
             match answer {
                 Some(answer) => {
-                    self.believe(&answer.estimate, true);
+                    self.believe(motion, &answer.estimate, true);
                     self.show(|push| push.stage = PushStage::Over);
                 }
                 None => self.show(|push| push.stage = PushStage::Unusable("the push was too short".to_owned())),
@@ -181,9 +181,10 @@ impl Observing {
         }
     }
 
-    fn believe(&self, estimate: &Estimate, is_last: bool) {
-        recording::believed(0, estimate.time_end, estimate.hypotheses.iter().map(Believed::from));
+    fn believe(&self, motion: &FingerMotion, estimate: &Estimate, is_last: bool) {
         let part = &self.known.file.part;
+        let seen = Seen::pushed(part, motion, self.known.felt.radius(), estimate.time_end);
+        recording::believed(seen, estimate.hypotheses.iter().map(Believed::from));
         let poses = estimate.hypotheses.iter().map(|it| ShownPose {
             probability: it.probability,
             edge: it.edge,

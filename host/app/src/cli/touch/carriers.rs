@@ -1,5 +1,6 @@
 //! Who moves the finger: a robot, or a person who is told where to.
 
+use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, TryRecvError};
 
 use nalgebra::{Point2, Vector2};
@@ -347,18 +348,35 @@ fn early(at: Point2<f64>, approach: &Approach, free: f64) -> CarryError {
 pub(crate) struct PersonCarrier {
     finger: ListeningFinger,
     speeds: Speeds,
-    lines: Receiver<Result<String, String>>,
+    /// None where a recording has what was typed.
+    lines: Option<Receiver<Result<String, String>>>,
+    /// Recorded lines that are still to be looked at.
+    before: VecDeque<String>,
 }
 
+/// What the person's lines are called in a recording.
+const TYPED: &str = "typed";
+
 impl PersonCarrier {
-    pub(crate) fn new(finger: ListeningFinger, speeds: Speeds, lines: Receiver<Result<String, String>>) -> Self {
-        Self { finger, speeds, lines }
+    pub(crate) fn new(
+        finger: ListeningFinger,
+        speeds: Speeds,
+        lines: Option<Receiver<Result<String, String>>>,
+    ) -> Self {
+        Self { finger, speeds, lines, before: VecDeque::new() }
     }
 
     /// What was typed since, if anything.
-    fn typed(&self) -> Result<Option<String>, CarryError> {
-        match self.lines.try_recv() {
-            Ok(Ok(line)) => Ok(Some(line)),
+    fn typed(&mut self) -> Result<Option<String>, CarryError> {
+        let Some(lines) = &self.lines else {
+            self.before.extend(self.finger.recorded_inputs(TYPED));
+            return Ok(self.before.pop_front());
+        };
+        match lines.try_recv() {
+            Ok(Ok(line)) => {
+                self.finger.note_input(TYPED, line.clone());
+                Ok(Some(line))
+            }
             Ok(Err(why)) => {
                 note!("that cannot be used: {why}");
                 Ok(None)
@@ -387,6 +405,7 @@ impl Carrier for PersonCarrier {
         let mut was_touched = false;
         loop {
             if interrupt::requested() {
+                self.finger.note_interruption();
                 return Err(GuidedError::Interrupted.into());
             }
             self.finger.take()?;

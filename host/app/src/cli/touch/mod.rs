@@ -16,8 +16,7 @@ use palpate::geometry::Pose;
 use palpate::inscription::{Met, NextTouch, PartsSearch, TouchSearch, TouchTask, TouchTolerance};
 use palpate_files::part::PolygonFile;
 
-use super::calibrated::{CalibrationArguments, OffsetArguments};
-use super::device::DeviceArguments;
+use super::calibrated::FingerArguments;
 use super::library::read_library;
 use super::touch_world::{Area, area_mm, pose_mm, read_part};
 use super::{not_negative, positive};
@@ -52,18 +51,6 @@ pose of any part fits what was felt; 3 if too many approaches left it open; 64 w
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = super::help::flowing(LONG_HELP))]
 pub(crate) struct Arguments {
-    #[command(flatten)]
-    device: DeviceArguments,
-
-    #[command(flatten)]
-    calibration: CalibrationArguments,
-
-    #[command(flatten)]
-    offset: OffsetArguments,
-
-    #[command(flatten)]
-    motion: MotionArguments,
-
     /// The part file
     #[arg(long, value_name = "PART.toml", required_unless_present_any = ["library", "explore"])]
     part: Option<PathBuf>,
@@ -71,9 +58,6 @@ pub(crate) struct Arguments {
     /// A folder of part files: says which of them it is, or that it is none of these
     #[arg(long, value_name = "DIR", conflicts_with = "part")]
     library: Option<PathBuf>,
-
-    #[command(flatten)]
-    exploration: explore::ExplorationArguments,
 
     /// Where all of the part is: two corners of a rectangle in the robot's frame, in mm
     #[arg(long, value_name = "X,Y,X,Y", value_parser = area_mm, allow_hyphen_values = true)]
@@ -115,6 +99,15 @@ pub(crate) struct Arguments {
     /// the part that does [default: one of five corners]
     #[arg(long, value_name = "NAME")]
     simulated_part: Option<String>,
+
+    #[command(flatten)]
+    finger: FingerArguments,
+
+    #[command(flatten)]
+    motion: MotionArguments,
+
+    #[command(flatten)]
+    exploration: explore::ExplorationArguments,
 }
 
 /// How the finger is moved, and what it may do.
@@ -171,6 +164,7 @@ pub(super) struct MotionArguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    arguments.finger.device.begin_recording()?;
     let told = Told { json: arguments.json };
     if arguments.exploration.is_asked() {
         return explore::run(arguments, told);

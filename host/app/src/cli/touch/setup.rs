@@ -1,5 +1,6 @@
 //! Finger, robot and simulated world from the command line.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -28,6 +29,7 @@ use crate::live;
 use crate::live::guided::GuidedFinger;
 use crate::live::interrupt;
 use crate::live::listening::ListeningFinger;
+use crate::recording;
 use crate::thesis::demonstration::Rig;
 
 /// A simulated finger on a simulated robot, whose time passes as the host asks.
@@ -54,7 +56,8 @@ impl RobotWorld {
         let robot = SimulatedRobot::new(RobotConfig { start, seed, ..RobotConfig::default() }, world);
         let config = Config { seed, pace: Pace::AsAsked, carried_by: Some(robot.clone()), ..Config::default() };
         let device = SimulatedDevice::start(config).advised().wrap_err("cannot start the simulated finger")?;
-        let session = Session::open_simulated(Arc::new(device), SessionOptions::default()).advised()?;
+        let options = SessionOptions::default();
+        let session = Session::open_simulated_noted(Arc::new(device), options, recording::recorder()).advised()?;
         Ok(Self { robot, session, calibration })
     }
 }
@@ -77,11 +80,14 @@ impl MotionArguments {
             thresholds: Thresholds { force_min: 0.5 * self.touch_force, ..Thresholds::default() },
             ..ContactSettings::default()
         };
+        let unit = calibration.unit().symbol();
+        recording::tared(unit, None);
         live::start(&mut session).advised()?;
         let mut judge = CountsJudge::new(&calibration);
         note!("{}taring for {tare_s} s: keep the finger free", crate::cli::simulated_note(&session));
         let offset = is_checked.then_some((&calibration, &front_end));
         let tare = live::tare(&mut session, &mut judge, tare_s, &settings, offset, crate::cli::tell).advised()?;
+        recording::tared(unit, Some(tare.bias));
         let sense = FingerSense::new(Some(calibration), tare, &settings).into_diagnostic()?;
         Ok(ListeningFinger::new(session, judge, sense, self.touch_force, self.force_limit))
     }
@@ -96,6 +102,9 @@ impl Arguments {
     /// Whoever moves the finger.
     pub(super) fn carrier(&self, file: &PolygonFile, speeds: &Speeds) -> miette::Result<Box<dyn Carrier>> {
         interrupt::listen();
+        if self.finger.device.is_recording() {
+            return self.recorded(speeds);
+        }
         let robot: Option<Address> = self.motion.robot.as_deref().map(str::parse).transpose().advised()?;
         if let Some(Address::Simulated { .. }) = robot {
             return self.simulated(file, speeds);
@@ -106,17 +115,35 @@ impl Arguments {
         // A robot that is not there is said before anything is asked of the finger.
         let robot = robot.map(|address| RobotLink::open(&address, Instant::now())).transpose();
         let robot = robot.map_err(|error| CarryError::Guided(error.into())).advised()?;
-        let session = self.device.open(false)?;
-        let calibration = self.calibration.require(&session)?;
-        let finger = self.motion.listening(session, calibration, self.tare, self.offset.is_checked())?;
+        let session = self.finger.device.open(false)?;
+        let calibration = self.finger.calibration.require(&session)?;
+        let finger = self.motion.listening(session, calibration, self.tare, self.finger.offset.is_checked())?;
         Ok(match robot {
             Some(robot) => Box::new(self.motion.guided(finger, robot, *speeds)),
-            None => Box::new(PersonCarrier::new(finger, *speeds, lines_of_input()?)),
+            None => Box::new(PersonCarrier::new(finger, *speeds, Some(lines_of_input()?))),
+        })
+    }
+
+    /// Who moved the finger when it was recorded.
+    fn recorded(&self, speeds: &Speeds) -> miette::Result<Box<dyn Carrier>> {
+        let session = self.finger.device.open(false)?;
+        let calibration = match recording::play::attachment(SIMULATED) {
+            Some(seed) => {
+                let seed = String::from_utf8_lossy(&seed.data).parse().into_diagnostic();
+                calibrated_in_place(seed.wrap_err("the recording does not say which finger was simulated")?)?
+            }
+            None => self.finger.calibration.require(&session)?,
+        };
+        let epoch = session.epoch();
+        let finger = self.motion.listening(session, calibration, self.tare, self.finger.offset.is_checked())?;
+        Ok(match self.motion.robot {
+            Some(_) => Box::new(self.motion.guided(finger, RobotLink::recorded(epoch), *speeds)),
+            None => Box::new(PersonCarrier::new(finger, *speeds, None)),
         })
     }
 
     fn simulated(&self, file: &PolygonFile, speeds: &Speeds) -> miette::Result<Box<dyn Carrier>> {
-        let Address::Simulated { seed } = self.device.address()? else {
+        let Address::Simulated { seed } = self.finger.device.address()? else {
             return Err(miette::miette!(
                 help = "-d sim: is one; or name the real robot",
                 "a simulated robot carries a simulated finger only"
@@ -130,13 +157,19 @@ impl Arguments {
         let friction = [file.mu, file.mu_c.unwrap_or(MU_C)];
         let mass = if self.exploration.is_asked() { HELD_MASS } else { MASS };
         let world = simulated(outline, friction, self.mass_kg.unwrap_or(mass), pose);
-        let RobotWorld { robot, session, calibration } =
-            RobotWorld::new(world, self.start(), seed, self.calibration.named_calibration()?)?;
+        let named = self.finger.calibration.named_calibration()?;
+        if named.is_none() {
+            recording::attach(SIMULATED, Path::new("seed"), seed.to_string().as_bytes());
+        }
+        let RobotWorld { robot, session, calibration } = RobotWorld::new(world, self.start(), seed, named)?;
         let epoch = session.epoch();
-        let finger = self.motion.listening(session, calibration, self.tare, self.offset.is_checked())?;
+        let finger = self.motion.listening(session, calibration, self.tare, self.finger.offset.is_checked())?;
         Ok(Box::new(self.motion.guided(finger, RobotLink::simulated(robot, epoch), *speeds)))
     }
 }
+
+/// What the seed of a finger that was calibrated in place is called in a recording.
+const SIMULATED: &str = "simulated";
 
 /// Of a simulated part of which nothing is said, kg.
 const MASS: f64 = 1.0;

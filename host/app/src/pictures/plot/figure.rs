@@ -15,6 +15,9 @@ const EDGE: f64 = 10.0;
 const HEADLINE_HEIGHT: f64 = 32.0;
 const SUBTITLE_HEIGHT: f64 = 20.0;
 
+/// How much wider a scene is than the charts beside it.
+const SCENE_SHARE: f64 = 1.25;
+
 /// What can be drawn into a part of a page.
 pub trait Panel {
     /// Draws into an area of a page.
@@ -60,6 +63,18 @@ impl Figure {
     pub fn column(mut self, share: f64, panels: Vec<Box<dyn Panel>>) -> Self {
         self.columns.push(Column { share, panels });
         self
+    }
+
+    /// The figure with one panel to the right of those it has, as wide as any other such panel.
+    #[must_use]
+    pub fn panel(self, panel: impl Into<Box<dyn Panel>>) -> Self {
+        self.column(1.0, vec![panel.into()])
+    }
+
+    /// The figure with a scene to scale, and what happens in it over time in charts beside it, from the top down.
+    #[must_use]
+    pub fn scene_with_charts<const N: usize>(self, scene: PlotScene, charts: [Chart; N]) -> Self {
+        self.column(SCENE_SHARE, vec![scene.into()]).column(1.0, charts.map(Into::into).into())
     }
 
     /// Draws the figure, panels and titles.
