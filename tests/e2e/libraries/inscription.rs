@@ -166,6 +166,61 @@ fn appendix_a_has_exactly_six_poses_a_vertex() {
     }
 }
 
+/// Theorem 2 on random polygons and lines that all meet the part somewhere: no more than 6n poses, by both ways to find
+/// them; between two walls and a third line no more than 4n. Half of the polygons are fans, which have the most.
+#[test]
+fn theorem_2_no_more_than_six_poses_a_vertex_in_three_half_planes() {
+    let mut most = 0.0_f64;
+    for case in 0..PROBLEMS {
+        let mut draw = Draw::case(25, case);
+        let n = 3 + case % 5;
+        let polygon = if case % 2 == 0 {
+            fan(u32::try_from(n).unwrap(), 1.0)
+        } else {
+            points(&mut draw, n)
+        };
+        let sides = [0.0, draw.uniform(1.8, 2.4), draw.uniform(3.9, 4.5)];
+        let height = draw.uniform(0.2, 0.5) * oracle::size(&polygon);
+        let triangle = sides.map(|angle| (angle, height * draw.uniform(0.9, 1.1)));
+        let jaws = [(0.0, height), (TAU / 2.0, height), (draw.uniform(0.5, 2.6), height)];
+        for (lines, a_vertex) in [(triangle, 6), (jaws, 4)] {
+            let Ok(ours) = found(&polygon, &lines) else { continue };
+            let wanted = oracle::all_poses(&polygon, &lines).unwrap();
+            assert_eq!(ours.len(), wanted.len(), "case {case}: {polygon:?} {lines:?}");
+            assert!(ours.len() <= a_vertex * n, "case {case}: {} poses of {n} vertices", ours.len());
+            most = most.max(ours.len() as f64 / (a_vertex * n) as f64);
+        }
+    }
+    assert!(most > 0.5, "a bound that nothing comes near is not tried: {most}");
+}
+
+/// Corollary 3: cones at two corners of appendix A's triangle share a side, so that a part inscribed in both touches its
+/// three sides: 6n poses; no more in cones drawn at random, and so no more than the 8n of Claim 1.
+#[test]
+fn corollary_3_no_more_than_six_poses_a_vertex_in_two_cones() {
+    let (third, corner) = (TAU / 3.0, 2.0 / 3.0);
+    // The corner at −π/2 and that a third of a turn on; each sees the triangle under 60°.
+    let cones = [0.0, third].map(|turn| {
+        let outward = turn - TAU / 4.0;
+        let middle = outward + TAU / 2.0;
+        ([corner * outward.cos(), corner * outward.sin()], middle - TAU / 12.0, middle + TAU / 12.0)
+    });
+    let lines: Vec<_> = cones.iter().flat_map(oracle::lines_of).collect();
+    for n in [3, 4, 5, 7, 10] {
+        let fan = fan(n, 1.0);
+        assert_eq!(agree(&fan, &lines, &format!("n = {n}")), 6 * n as usize);
+    }
+    for case in 0..PROBLEMS {
+        let mut draw = Draw::case(26, case);
+        let n = 3 + case % 5;
+        let polygon = points(&mut draw, n);
+        let (_, cones) = views(&mut draw, &polygon, 2);
+        let lines: Vec<_> = cones.iter().flat_map(oracle::lines_of).collect();
+        let count = agree(&polygon, &lines, &format!("case {case}"));
+        assert!(count <= 6 * n, "case {case}: {count} poses of {n} vertices");
+    }
+}
+
 #[test]
 fn what_does_not_determine_the_pose_is_told_apart() {
     let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];

@@ -438,6 +438,18 @@ proptest! {
         prop_assert_eq!(graph.with_midvertices().independent(3), graph.independent(2));
     }
 
+    /// Theorem 12, by Lemmas 11 and 10 one after the other: with ∅ and sets of two elements, the edges of a graph with its
+    /// midvertices, a discriminating set of so many elements says how many vertices of the graph are independent.
+    #[test]
+    fn theorem_12_sets_of_two_elements_are_as_hard_as_independent_set(graph in graphs(2..6)) {
+        let reduced = graph.with_midvertices();
+        let mut sets: Vec<Vec<usize>> = reduced.edges.iter().map(|edge| edge.to_vec()).collect();
+        sets.push(Vec::new());
+        prop_assert!(sets.iter().all(|set| set.len() <= 2));
+        let choice = solve(&SetSystem::from_sets(reduced.vertices, &sets), 1);
+        prop_assert_eq!(choice.elements.len() + graph.independent(2), graph.vertices + graph.edges.len());
+    }
+
     /// Lemma 33: the same for k > 3 by paths, with the distances that its proof names.
     #[test]
     fn lemma_33_independent_sets_reduce_to_k_independent_sets(graph in graphs(2..6), k in 4..9_usize) {
