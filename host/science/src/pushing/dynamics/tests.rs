@@ -367,7 +367,7 @@ proptest! {
         let to_part = Rotation2::new(edge.normal.y.atan2(edge.normal.x) - normal.y.atan2(normal.x));
         let outline = SimplePolygon::new(scene.outline.clone()).unwrap();
         let support = SupportFriction::uniform(&outline).with_origin(part.centre_of_mass());
-        let friction = support.mean_sliding(&Twist { velocity: to_part * velocity, omega: state.omega }).unwrap();
+        let friction = support.mean_sliding(&Twist::new(to_part * velocity, state.omega));
         let turning = -scene.mu_g * friction.moment / part.inertia_per_mass();
         prop_assert!((motion.rates.omega - turning).abs() < 1e-9 * (1.0 + turning.abs()), "{motion:?} {turning}");
         let across = state.omega * finger.dot(&normal) - scene.mu_g * (to_part.inverse() * friction.direction).dot(&tangent);
