@@ -33,6 +33,9 @@ pub struct Illustration {
     pub make: fn(&TableSettings) -> (Table, Figure),
 }
 
+/// What a figure takes at most, s of one processor: 3.1 and 6.6 take half a second, all others less.
+pub const FIGURE_S: f64 = 0.6;
+
 /// All figures, in the order of the thesis.
 pub const ILLUSTRATIONS: &[Illustration] = &[
     inscription::FIGURE_1_1,
