@@ -14,6 +14,7 @@ use palpate::pushing::observability::constant_velocity::{ConstantContact, Consta
 use palpate::rolling::{Egg, Inputs, Model, RollState, RollingBody, RoundedShape, Spin, observability};
 
 use super::cases::{of_each, until_possible};
+use super::figures::captioned;
 use super::{Cell, Experiment, Table, TableSettings};
 use crate::pictures::plot::{Chart, Colour, Dash, Figure, Stroke};
 
@@ -214,10 +215,7 @@ fn pushes(settings: &TableSettings) -> Table {
 
 /// How well a push tells its state by how fast the part turns, on a table and on ice.
 pub(super) fn figures(_: &TableSettings) -> Vec<(String, Figure)> {
-    let caption = [
-        "The least singular value of what a push at constant velocity tells, up to order 12, by how fast the part turns. On ice it falls to 0".to_owned(),
-        "where the part does not turn: its place on the finger then changes nothing. On a table friction turns the part, and all shows.".to_owned(),
-    ];
+    let caption = "The least singular value of what a push at constant velocity tells, up to order 12, by how fast the part turns. On ice it falls to 0 where the part does not turn: where it is touched then changes nothing. In the two other notches three derivatives of the angle do not tell, and a fourth does. On a table friction turns the part, and all shows.";
     let mut chart = Chart::new("", ["ω [rad/s]", "log10 of the least singular value"]);
     for (name, contact, mu_g, stroke) in [
         ("no friction at the finger, table", ConstantContact::Slides(0.0), 3.0, Stroke::solid(Colour::BLUE, 1.8)),
@@ -245,7 +243,7 @@ pub(super) fn figures(_: &TableSettings) -> Vec<(String, Figure)> {
             .collect();
         chart.curve(name, &curve, stroke);
     }
-    let figure = Figure::new("What a push at constant velocity tells", 760.0, 500.0).subtitles(&caption);
+    let figure = captioned("What a push at constant velocity tells", [760.0, 440.0], caption);
     vec![("observability".to_owned(), figure.column(1.0, vec![chart.into()]))]
 }
 

@@ -73,7 +73,7 @@ const CAPTION_SIZE: f64 = 13.0;
 const BESIDE: f64 = 44.0;
 
 /// A page of so much below its caption, which is folded to its width.
-fn captioned(title: &str, [width, height]: [f64; 2], caption: &str) -> Figure {
+pub(super) fn captioned(title: &str, [width, height]: [f64; 2], caption: &str) -> Figure {
     let mut lines = vec![String::new()];
     for word in caption.split_whitespace() {
         let last = lines.len() - 1;

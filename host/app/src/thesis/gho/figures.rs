@@ -18,6 +18,7 @@ use palpate::pushing::dynamics::{ContactMode, Finger, Part, State};
 use super::{Attempt, Case, Cell, Experiment, NEGLIGIBLE, STEP, STEPS_MAX, Table, TableSettings, ZETA, state};
 use crate::pictures::observer::{Moment, ObserverPicture};
 use crate::pictures::plot::{Chart, Colour, Figure};
+use crate::thesis::figures::captioned;
 
 /// The pushes of figures 6.1 to 6.4.
 pub(in crate::thesis) const EXPERIMENT: Experiment = Experiment {
@@ -81,7 +82,7 @@ const PRINTED: [Printed; 2] = [
 ];
 
 /// Gains, and first guesses of the place, of the basin: how many along the edge, and up to which angular velocity off.
-const GAINS: [f64; 8] = [2.0, 4.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0];
+const GAINS: [f64; 10] = [2.0, 4.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0, 50.0, 80.0];
 /// See [`GAINS`].
 const GUESSES: u32 = 60;
 /// See [`GAINS`], rad/s.
@@ -261,10 +262,7 @@ fn basin(settings: &TableSettings) -> Table {
 pub(in crate::thesis) fn basin_figures(settings: &TableSettings) -> Vec<(String, Figure)> {
     let printed = &PRINTED[0];
     let Some(followed) = printed.drawn(settings.seed, settings.cases) else { return Vec::new() };
-    let caption = [
-        "Each dot is a first guess of the place on the edge (across) with a gain (up): blue, the observer follows the 7-gon of figure 6.1".to_owned(),
-        "in the end; red, it does not. See where small gains are too slow for 0.71 s, and how far large ones reach before they overshoot.".to_owned(),
-    ];
+    let caption = "Each dot is a first guess of the place on the edge (across) with a gain (up): blue, the observer follows the 7-gon of figure 6.1 in the end; red, it does not. See where small gains are too slow for 0.71 s, and how far large ones reach before they overshoot.";
     let mut chart = Chart::new("", ["first guess of s [mm]", "gain ζ [1/s]"]);
     for (follows, name, colour) in [(true, "follows", Colour::BLUE), (false, "does not", Colour::VERMILLION)] {
         let dots: Vec<_> = GAINS
@@ -278,7 +276,7 @@ pub(in crate::thesis) fn basin_figures(settings: &TableSettings) -> Vec<(String,
         chart.dots(name, &dots, colour);
     }
     chart.instant(1e3 * followed.case.truth[0].s, "true");
-    let figure = Figure::new("How local is the thesis's observer?", 760.0, 480.0).subtitles(&caption);
+    let figure = captioned("How local is the thesis's observer?", [760.0, 440.0], caption);
     vec![("basin".to_owned(), figure.column(1.0, vec![chart.into()]))]
 }
 
