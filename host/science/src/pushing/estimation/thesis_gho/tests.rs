@@ -119,19 +119,19 @@ fn error(part: &Part, estimate: &State, truth: &State) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(32))]
+    #![proptest_config(ProptestConfig::with_cases(16))]
 
     /// Theorem 16 where its conditions hold along the way: errors fall at least as e^(−ζt/3), from beside the truth, with
     /// the correction always on. Rolling by three states, without friction by four.
     #[test]
     fn theorem_16_errors_fall_as_fast_as_the_gains_say(
-        rolling in any::<bool>(), u in 1.5..1.65, s in -0.008..0.008, omega in 0.2..0.5, zeta in 20.0..40.0,
+        rolling in any::<bool>(), u in 1.5..1.65, s in -0.008..0.008, omega in 0.2..0.5, zeta in 30.0..50.0,
         off in [-1.0..1.0, -1.0..1.0, -1.0..1.0, -1.0..1.0_f64],
     ) {
         /// s: contacts between two are interpolated.
-        const SHORT: f64 = 5e-4;
+        const SHORT: f64 = 2.5e-4;
         /// m per rad and second, over ζ³: what the map's inverse makes of the contact angle.
-        const PULL_MAX: f64 = 2e-4;
+        const PULL_MAX: f64 = 2e-3;
         let part = part();
         let contact = if rolling { ContactMode::Rolling } else { ContactMode::Frictionless };
         let observer = observer(&part, contact, [0.0, 0.02]);
@@ -149,11 +149,12 @@ proptest! {
         });
         prop_assume!(pulls.fold(0.0, f64::max) < PULL_MAX);
         let angles: Vec<_> = truth.iter().map(|state| state.u).collect();
+        // So near that the map is straight there, and far beside what interpolation does (4e-8 rad).
         let beside = State {
-            u: start.u + 1e-3 * off[0],
-            s: start.s + 1e-4 * off[1],
-            omega: start.omega + 3e-3 * off[2],
-            v_t: start.v_t + 1e-4 * off[3],
+            u: start.u + 1e-5 * off[0],
+            s: start.s + 1e-6 * off[1],
+            omega: start.omega + 3e-4 * off[2],
+            v_t: start.v_t + 1e-6 * off[3],
         };
         let trace = observer.trace(beside, &angles, SHORT);
         prop_assert_eq!(trace.len(), angles.len());
