@@ -111,8 +111,10 @@ fn drawn_alike(a: &str, b: &str) -> bool {
         tokens
     };
     let (a, b) = (tokens(a), tokens(b));
-    let near = |a: &str, b: &str| a.parse::<f64>().ok().zip(b.parse::<f64>().ok()).is_some_and(|(a, b)| (a - b).abs() <= 0.2);
-    a.len() == b.len() && a.iter().zip(&b).all(|((kind, a), (other, b))| kind == other && (a == b || *kind && near(a, b)))
+    let near =
+        |a: &str, b: &str| a.parse::<f64>().ok().zip(b.parse::<f64>().ok()).is_some_and(|(a, b)| (a - b).abs() <= 0.2);
+    a.len() == b.len()
+        && a.iter().zip(&b).all(|((kind, a), (other, b))| kind == other && (a == b || *kind && near(a, b)))
 }
 
 #[test]
@@ -121,7 +123,8 @@ fn every_picture_of_the_tutorial_is_what_a_command_of_its_page_draws() {
     let pages = project::folder().join("docs/tutorial");
     for page in PAGES {
         let text = std::fs::read_to_string(pages.join(page)).unwrap();
-        for name in text.split("](pictures/").skip(1).filter_map(|rest| rest.split_once(".svg)")).map(|(name, _)| name) {
+        for name in text.split("](pictures/").skip(1).filter_map(|rest| rest.split_once(".svg)")).map(|(name, _)| name)
+        {
             let command = text.lines().find(|line| line.starts_with(&format!("palpate tables {name} ")));
             let command = command.unwrap_or_else(|| panic!("{page}: no command draws {name}"));
             let folder = tempfile::tempdir().unwrap();

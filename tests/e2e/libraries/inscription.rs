@@ -174,11 +174,7 @@ fn theorem_2_no_more_than_six_poses_a_vertex_in_three_half_planes() {
     for case in 0..PROBLEMS {
         let mut draw = Draw::case(25, case);
         let n = 3 + case % 5;
-        let polygon = if case % 2 == 0 {
-            fan(u32::try_from(n).unwrap(), 1.0)
-        } else {
-            points(&mut draw, n)
-        };
+        let polygon = if case % 2 == 0 { fan(u32::try_from(n).unwrap(), 1.0) } else { points(&mut draw, n) };
         let sides = [0.0, draw.uniform(1.8, 2.4), draw.uniform(3.9, 4.5)];
         let height = draw.uniform(0.2, 0.5) * oracle::size(&polygon);
         let triangle = sides.map(|angle| (angle, height * draw.uniform(0.9, 1.1)));

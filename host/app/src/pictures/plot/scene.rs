@@ -243,7 +243,8 @@ impl Label {
         let sides = if self.optional { &sides[..2] } else { &sides[..] };
         let free = |text: &Text| !taken.iter().any(|area| area.overlaps(text.area()));
         let inside = |text: &Text| frame.area.holds(text.area());
-        let fitting = |is_good: &dyn Fn(&Text) -> bool| sides.iter().map(|side| self.beside(frame, *side)).find(is_good);
+        let fitting =
+            |is_good: &dyn Fn(&Text) -> bool| sides.iter().map(|side| self.beside(frame, *side)).find(is_good);
         let found = fitting(&|text| free(text) && inside(text)).or_else(|| fitting(&free));
         found.or_else(|| (!self.optional).then(|| self.beside(frame, self.toward)))
     }
