@@ -23,7 +23,7 @@ const PROCESSOR_S: &[(&str, f64)] = &[
     ("6.2", 9.0),
     ("8.2.2", 74.0),
     ("basin", 0.3),
-    ("finger-shapes", 400.0),
+    ("finger-shapes", 520.0),
     ("6.3", 3.0),
     ("6.3-friction", 20.0),
     ("pose", 130.0),
@@ -47,7 +47,7 @@ const PROCESSOR_S: &[(&str, f64)] = &[
     ("7-axes", 36.0),
     ("7-which", 91.0),
     ("7-gho", 12.0),
-    ("observability", 120.0),
+    ("observability", 160.0),
     ("7-observability", 40.0),
     ("drawn-rolls", 35.0),
 ];
