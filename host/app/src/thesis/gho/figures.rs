@@ -232,7 +232,7 @@ fn guesses(printed: &Printed, case: &Case, zeta: f64, omega_off: f64) -> Vec<(f6
 fn basin(settings: &TableSettings) -> Table {
     let mut table = Table::new(["gain ζ 1/s", "ω right", "ω 0.5 rad/s off", "ω 1 rad/s off", "farthest s off mm"]);
     table.definitions = [
-        format!("The push of figure 6.1 (its 7-gon, drawn from the seed). First guesses: u right, s at {GUESSES} places along the edge, ω off by so much. Share of them from which u, s and ω are right for the last {:.1} s of the push of {:.2} s; a larger gain goes faster and overshoots. farthest: the largest error of s from which it follows, ω right.", STEP * FOLLOWED as f64, STEP * PRINTED[0].steps as f64),
+        format!("The push of figure 6.1 (its 7-gon, drawn from the seed). First guesses: u right, s at {GUESSES} places along the edge, ω off by so much. Share of them from which u, s and ω are right for the last {:.1} s of the push of {:.2} s; a larger gain goes faster. farthest: the largest error of s from which it follows, ω right.", STEP * FOLLOWED as f64, STEP * PRINTED[0].steps as f64),
         super::RUN.to_owned(),
     ]
     .to_vec();
@@ -262,7 +262,7 @@ fn basin(settings: &TableSettings) -> Table {
 pub(in crate::thesis) fn basin_figures(settings: &TableSettings) -> Vec<(String, Figure)> {
     let printed = &PRINTED[0];
     let Some(followed) = printed.drawn(settings.seed, settings.cases) else { return Vec::new() };
-    let caption = "Each dot is a first guess of the place on the edge (across) with a gain (up): blue, the observer follows the 7-gon of figure 6.1 in the end; red, it does not. See where small gains are too slow for 0.71 s, and how far large ones reach before they overshoot.";
+    let caption = "Each dot is a first guess of the place on the edge (across) with a gain (up): blue, the observer follows the 7-gon of figure 6.1 in the end; red, it does not. See that gains below 8 are too slow for 0.71 s; from there on every place on the edge will do, for the estimate is set back to it.";
     let mut chart = Chart::new("", ["first guess of s [mm]", "gain ζ [1/s]"]);
     for (follows, name, colour) in [(true, "follows", Colour::BLUE), (false, "does not", Colour::VERMILLION)] {
         let dots: Vec<_> = GAINS

@@ -140,8 +140,9 @@ proptest! {
         let start = observer.complete(0.0, &State { u, s, omega, v_t: 0.01 });
         // From the start to where e^(−ζt) is 3e-7.
         let steps = (15.0 / zeta / SHORT) as usize;
+        let followed = std::iter::once(start).chain(observer.model.rollout(&contact, &start, SHORT));
         let truth: Vec<State> =
-            std::iter::once(start).chain(observer.model.rollout(&contact, &start, SHORT)).take(steps + 1).collect();
+            followed.take(steps + 1).enumerate().map(|(i, state)| observer.complete(i as f64 * SHORT, &state)).collect();
         // Condition 1 holds well along all of the way.
         let pulls = truth.iter().enumerate().step_by(20).map(|(i, state)| {
             let pull = observer.pull(i as f64 * SHORT, &vector(state));
