@@ -139,7 +139,7 @@ proptest! {
         let observer = Gho { settings, ..observer };
         let start = observer.complete(0.0, &State { u, s, omega, v_t: 0.01 });
         // From the start to where e^(−ζt) is 3e-7.
-        let steps = (15.0 / zeta / SHORT) as usize;
+        let steps = (0_u32..).take_while(|&k| f64::from(k) * SHORT < 15.0 / zeta).count();
         let followed = std::iter::once(start).chain(observer.model.rollout(&contact, &start, SHORT));
         let truth: Vec<State> =
             followed.take(steps + 1).enumerate().map(|(i, state)| observer.complete(i as f64 * SHORT, &state)).collect();
