@@ -45,6 +45,7 @@ mod shaken_palm;
 mod solve;
 mod solving;
 mod support_friction;
+mod thesis_examples;
 mod touch;
 mod tutorial;
 mod warnings;

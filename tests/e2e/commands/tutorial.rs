@@ -1,9 +1,9 @@
 //! The pages of the tutorial: every command in them runs, and prints what they quote.
 //!
 //! A block marked `sh` has commands, one a line. A block marked `text` behind it quotes lines of what they print; spaces
-//! between words do not count.
+//! between words do not count. A picture in `pictures` is what a command of its page draws.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use palpate_tests::project;
@@ -50,6 +50,13 @@ fn words(line: &str) -> String {
 /// What a command prints. Pictures go where nobody keeps them.
 fn printed(command: &str) -> String {
     let folder: PathBuf = std::env::temp_dir().join(format!("palpate-tutorial-{}", std::process::id()));
+    let text = run(command, &folder);
+    let _ = std::fs::remove_dir_all(&folder);
+    text
+}
+
+/// What a command prints that draws into a folder.
+fn run(command: &str, folder: &Path) -> String {
     let told = command.strip_prefix("palpate ").unwrap_or_else(|| panic!("`{command}` is no command of ours"));
     let arguments =
         told.split(' ').map(|word| if word == "DIR" { folder.display().to_string() } else { word.to_owned() });
@@ -60,7 +67,6 @@ fn printed(command: &str) -> String {
         .env_remove("PALPATE_CALIBRATION")
         .output()
         .unwrap();
-    let _ = std::fs::remove_dir_all(&folder);
     assert!(output.status.success(), "`{command}`: {}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap()
 }
@@ -89,6 +95,56 @@ fn every_command_of_the_tutorial_prints_what_its_page_quotes() {
         }
     }
     assert!(commands >= 15 && quoted >= 9, "{commands} commands, {quoted} lines quoted");
+}
+
+/// Whether two drawings are one but for rounding: numbers to a fifth of a page unit, all else to the letter.
+fn drawn_alike(a: &str, b: &str) -> bool {
+    let is_numeric = |c: char| c.is_ascii_digit() || c == '.' || c == '-';
+    let tokens = |text: &str| -> Vec<(bool, String)> {
+        let mut tokens: Vec<(bool, String)> = Vec::new();
+        for c in text.chars() {
+            match tokens.last_mut() {
+                Some((numeric, token)) if *numeric == is_numeric(c) => token.push(c),
+                _ => tokens.push((is_numeric(c), c.to_string())),
+            }
+        }
+        tokens
+    };
+    let (a, b) = (tokens(a), tokens(b));
+    let near =
+        |a: &str, b: &str| a.parse::<f64>().ok().zip(b.parse::<f64>().ok()).is_some_and(|(a, b)| (a - b).abs() <= 0.2);
+    a.len() == b.len()
+        && a.iter().zip(&b).all(|((kind, a), (other, b))| kind == other && (a == b || *kind && near(a, b)))
+}
+
+#[test]
+fn every_picture_of_the_tutorial_is_what_a_command_of_its_page_draws() {
+    let mut compared = 0;
+    let pages = project::folder().join("docs/tutorial");
+    for page in PAGES {
+        let text = std::fs::read_to_string(pages.join(page)).unwrap();
+        for name in text.split("](pictures/").skip(1).filter_map(|rest| rest.split_once(".svg)")).map(|(name, _)| name)
+        {
+            let command = text.lines().find(|line| line.starts_with(&format!("palpate tables {name} ")));
+            let command = command.unwrap_or_else(|| panic!("{page}: no command draws {name}"));
+            let folder = tempfile::tempdir().unwrap();
+            run(command, folder.path());
+            let file = format!("{name}.svg");
+            let drawn = std::fs::read_to_string(folder.path().join(&file)).unwrap();
+            let kept = std::fs::read_to_string(pages.join("pictures").join(&file)).unwrap();
+            assert!(drawn_alike(&kept, &drawn), "{page}: `{command}` draws another {file}: keep that one");
+            compared += 1;
+        }
+    }
+    let kept = std::fs::read_dir(pages.join("pictures")).unwrap().count();
+    assert!(compared == kept && compared >= 6, "{compared} of {kept} pictures are shown");
+}
+
+#[test]
+fn drawings_are_alike_to_a_fifth_of_a_unit() {
+    assert!(drawn_alike("<path d=\"M1.0 2\"/>", "<path d=\"M1.1 2\"/>"));
+    assert!(!drawn_alike("<path d=\"M1.0 2\"/>", "<path d=\"M1.3 2\"/>"));
+    assert!(!drawn_alike("<path d=\"M1.0 2\"/>", "<text d=\"M1.0 2\"/>"));
 }
 
 #[test]

@@ -166,6 +166,72 @@ fn appendix_a_has_exactly_six_poses_a_vertex() {
     }
 }
 
+/// Theorem 2: no more than 6n poses, by both ways to find them, and between two walls and a third line no more than 4n. Of
+/// random polygons, of fans, which have 6n in appendix A's triangle, and of regular polygons, which if n is odd have 4n
+/// between walls that are farther apart than an edge and its corner and nearer than two corners.
+#[test]
+fn theorem_2_no_more_than_six_poses_a_vertex_in_three_half_planes() {
+    let mut reached = [0, 0];
+    for case in 0..PROBLEMS {
+        let mut draw = Draw::case(25, case);
+        let n = 3 + case % 5;
+        let corner = TAU / n as f64;
+        let polygon = match case % 3 {
+            0 => fan(u32::try_from(n).unwrap(), 1.0),
+            1 => (0..n).map(|k| corner * k as f64).map(|angle| [angle.cos(), angle.sin()]).collect(),
+            _ => points(&mut draw, n),
+        };
+        let height = draw.uniform(0.2, 0.5) * oracle::size(&polygon);
+        let sides = [0.0, draw.uniform(1.8, 2.4), draw.uniform(3.9, 4.5)];
+        let triangle = match case % 2 {
+            0 => [0.0, 1.0, 2.0].map(|third| (TAU * (0.25 + third / 3.0), 1.0 / 3.0)),
+            _ => sides.map(|angle| (angle, height * draw.uniform(0.9, 1.1))),
+        };
+        let wide = if case % 2 == 0 {
+            let [flush, across] = [1.0 + (corner / 2.0).cos(), 2.0 * (corner / 4.0).cos()];
+            (flush + across) / 4.0
+        } else {
+            height
+        };
+        let jaws = [(0.0, wide), (TAU / 2.0, wide), (draw.uniform(0.5, 2.6), height)];
+        for (which, (lines, a_vertex)) in [(triangle, 6), (jaws, 4)].into_iter().enumerate() {
+            let Ok(ours) = found(&polygon, &lines) else { continue };
+            let wanted = oracle::all_poses(&polygon, &lines).unwrap();
+            assert_eq!(ours.len(), wanted.len(), "case {case}: {polygon:?} {lines:?}");
+            assert!(ours.len() <= a_vertex * n, "case {case}: {} poses of {n} vertices", ours.len());
+            reached[which] += usize::from(ours.len() == a_vertex * n);
+        }
+    }
+    assert!(reached.iter().all(|count| *count > 20), "{reached:?}");
+}
+
+/// Corollary 3: cones at two corners of appendix A's triangle share a side, so that a part inscribed in both touches its
+/// three sides: 6n poses; no more in cones drawn at random, and so no more than the 8n of Claim 1.
+#[test]
+fn corollary_3_no_more_than_six_poses_a_vertex_in_two_cones() {
+    let (third, corner) = (TAU / 3.0, 2.0 / 3.0);
+    // The corner at −π/2 and that a third of a turn on; each sees the triangle under 60°.
+    let cones = [0.0, third].map(|turn| {
+        let outward = turn - TAU / 4.0;
+        let middle = outward + TAU / 2.0;
+        ([corner * outward.cos(), corner * outward.sin()], middle - TAU / 12.0, middle + TAU / 12.0)
+    });
+    let lines: Vec<_> = cones.iter().flat_map(oracle::lines_of).collect();
+    for n in [3, 4, 5, 7, 10] {
+        let fan = fan(n, 1.0);
+        assert_eq!(agree(&fan, &lines, &format!("n = {n}")), 6 * n as usize);
+    }
+    for case in 0..PROBLEMS {
+        let mut draw = Draw::case(26, case);
+        let n = 3 + case % 5;
+        let polygon = points(&mut draw, n);
+        let (_, cones) = views(&mut draw, &polygon, 2);
+        let lines: Vec<_> = cones.iter().flat_map(oracle::lines_of).collect();
+        let count = agree(&polygon, &lines, &format!("case {case}"));
+        assert!(count <= 6 * n, "case {case}: {count} poses of {n} vertices");
+    }
+}
+
 #[test]
 fn what_does_not_determine_the_pose_is_told_apart() {
     let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];

@@ -225,7 +225,7 @@ fn judge(outlines: Outlines, law: ContactLaw) {
 }
 
 #[test]
-fn frictionless_ellipses_lines_and_disks_obey_newton() {
+fn theorem_17_frictionless_ellipses_lines_and_disks_obey_newton() {
     for outlines in
         [Outlines::EllipseOnEdge, Outlines::EllipseOnEllipse, Outlines::LineOnEllipse, Outlines::DiskOnEllipse]
     {
@@ -234,7 +234,7 @@ fn frictionless_ellipses_lines_and_disks_obey_newton() {
 }
 
 #[test]
-fn rolling_ellipses_lines_and_disks_obey_newton() {
+fn proposition_20_rolling_ellipses_lines_and_disks_obey_newton() {
     for outlines in
         [Outlines::EllipseOnEdge, Outlines::EllipseOnEllipse, Outlines::LineOnEllipse, Outlines::DiskOnEllipse]
     {
@@ -243,7 +243,7 @@ fn rolling_ellipses_lines_and_disks_obey_newton() {
 }
 
 #[test]
-fn ellipses_lines_and_disks_under_coulombs_law_obey_newton() {
+fn proposition_22_ellipses_lines_and_disks_under_coulombs_law_obey_newton() {
     for outlines in
         [Outlines::EllipseOnEdge, Outlines::EllipseOnEllipse, Outlines::LineOnEllipse, Outlines::DiskOnEllipse]
     {

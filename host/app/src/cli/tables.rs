@@ -257,7 +257,10 @@ const NAMES: usize = 20;
 
 fn list() {
     let entry = |name: &str, title: &str, cases: usize, seconds: Option<f64>| {
-        let chapter = thesis::chapter(name).map_or_else(String::new, |chapter| format!("chapter {chapter}, "));
+        let chapter = thesis::chapter(name).map_or_else(String::new, |chapter| {
+            let part = if chapter.starts_with(|c: char| c.is_ascii_digit()) { "chapter" } else { "appendix" };
+            format!("{part} {chapter}, ")
+        });
         let counted = if cases == 1 { "1 case".to_owned() } else { format!("{cases} cases") };
         let takes = seconds.map(|seconds| format!(", {}", duration(seconds))).unwrap_or_default();
         // The names' column; what a title goes on with stands beside it.
@@ -267,7 +270,7 @@ fn list() {
     for experiment in EXPERIMENTS {
         entry(experiment.name, experiment.title, experiment.cases, experiment.processor_s());
     }
-    ILLUSTRATIONS.iter().for_each(|one| entry(one.name, one.title, one.cases, None));
+    ILLUSTRATIONS.iter().for_each(|one| entry(one.name, one.title, one.cases, Some(thesis::FIGURE_S)));
     say!("{ALL_FIGURES:<NAMES$}all of these figures");
     say!("{REAL:<NAMES$}recorded slow pushes: where the part is, blind (real DIR...)");
     say!("Times: of one processor, good to a factor of two; on several so much less.");

@@ -17,6 +17,7 @@ use palpate::pushing::dynamics::{
 };
 
 use super::cases::of_each;
+use super::figures::captioned;
 use super::{Cell, Experiment, Table, TableSettings};
 use crate::pictures::plot::{Chart, Colour, Dash, Figure, Stroke};
 
@@ -274,10 +275,7 @@ fn run(settings: &TableSettings) -> Table {
 
 /// Error of the place by the disk's radius.
 pub(super) fn figures(settings: &TableSettings) -> Vec<(String, Figure)> {
-    let caption = [
-        "Least possible error (median) of the place on a polygon that slides without friction, pushed steadily (lines) or".to_owned(),
-        "with acceleration (dashes), by the disk's radius: felt by the contact's path on the finger, or by the force's direction and size.".to_owned(),
-    ];
+    let caption = "Least possible error (median) of the place on a polygon that slides without friction, pushed steadily (lines) or with acceleration (dashes), by the disk's radius: felt by the contact's path on the finger, or by the force's direction and size.";
     let mut chart = Chart::new("", ["radius of the disk [mm]", "error of the place [mm]"]);
     let radii = [0.002, 0.003, 0.005, 0.0075, 0.01, 0.015, 0.02, 0.025, 0.035, 0.05];
     for (way, dash) in [(WAYS[0], Dash::Solid), (WAYS[1], Dash::Dashed)] {
@@ -294,7 +292,7 @@ pub(super) fn figures(settings: &TableSettings) -> Vec<(String, Figure)> {
             chart.curve(if dash == Dash::Solid { name } else { "" }, &curve, Stroke::solid(colour, 1.8).with(dash));
         }
     }
-    let figure = Figure::new("Which finger feels best", 760.0, 480.0).subtitles(&caption);
+    let figure = captioned("Which finger feels best", [760.0, 440.0], caption);
     vec![("finger-shapes".to_owned(), figure.column(1.0, vec![chart.into()]))]
 }
 

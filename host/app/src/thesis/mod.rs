@@ -51,7 +51,7 @@ mod touches;
 use std::fmt;
 use std::num::NonZeroUsize;
 
-pub use figures::{ILLUSTRATIONS, Illustration, illustration};
+pub use figures::{FIGURE_S, ILLUSTRATIONS, Illustration, illustration};
 
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
@@ -252,7 +252,12 @@ impl fmt::Display for Cell {
             Self::Empty => f.pad("-"),
             Self::Text(text) => f.pad(text),
             Self::Count(count) => f.pad(&count.to_string()),
-            Self::Number((value, decimals)) => f.pad(&format!("{value:.decimals$}")),
+            Self::Number((value, decimals)) => {
+                let text = format!("{value:.decimals$}");
+                // No sign before what is rounded to 0.
+                let is_zero = text.chars().all(|c| "-0.".contains(c));
+                f.pad(if is_zero { text.trim_start_matches('-') } else { &text })
+            }
             Self::Share(share) => f.pad(&format!("{:.1} %", share * 100.0)),
             Self::Rate { share, low, high } => {
                 let [share, low, high] = [share, low, high].map(|share| share * 100.0);

@@ -14,6 +14,7 @@ use palpate::pushing::observability::constant_velocity::{ConstantContact, Consta
 use palpate::rolling::{Egg, Inputs, Model, RollState, RollingBody, RoundedShape, Spin, observability};
 
 use super::cases::{of_each, until_possible};
+use super::figures::captioned;
 use super::{Cell, Experiment, Table, TableSettings};
 use crate::pictures::plot::{Chart, Colour, Dash, Figure, Stroke};
 
@@ -214,10 +215,7 @@ fn pushes(settings: &TableSettings) -> Table {
 
 /// How well a push tells its state by how fast the part turns, on a table and on ice.
 pub(super) fn figures(_: &TableSettings) -> Vec<(String, Figure)> {
-    let caption = [
-        "The least singular value of what a push at constant velocity tells, up to order 12, by how fast the part turns. On ice it falls to 0".to_owned(),
-        "where the part does not turn: its place on the finger then changes nothing. On a table friction turns the part, and all shows.".to_owned(),
-    ];
+    let caption = "The least singular value of what a push at constant velocity tells, up to order 12, by how fast the part turns. On ice it falls to 0 where the part does not turn: where it is touched then changes nothing. In the two other notches three derivatives of the angle do not tell, and a fourth does. On a table friction turns the part, and all shows.";
     let mut chart = Chart::new("", ["ω [rad/s]", "log10 of the least singular value"]);
     for (name, contact, mu_g, stroke) in [
         ("no friction at the finger, table", ConstantContact::Slides(0.0), 3.0, Stroke::solid(Colour::BLUE, 1.8)),
@@ -245,7 +243,7 @@ pub(super) fn figures(_: &TableSettings) -> Vec<(String, Figure)> {
             .collect();
         chart.curve(name, &curve, stroke);
     }
-    let figure = Figure::new("What a push at constant velocity tells", 760.0, 500.0).subtitles(&caption);
+    let figure = captioned("What a push at constant velocity tells", [760.0, 440.0], caption);
     vec![("observability".to_owned(), figure.column(1.0, vec![chart.into()]))]
 }
 
@@ -369,7 +367,6 @@ const ROLL_KINDS: [(&str, State); 8] = [
 fn rolls(settings: &TableSettings) -> Table {
     let mut table = Table::new([
         "state",
-        "spin",
         "unknowns",
         "condition holds",
         "rank, palm at rest",
@@ -379,13 +376,13 @@ fn rolls(settings: &TableSettings) -> Table {
         "least β·(Iz)",
     ]);
     table.definitions = [
-        "Drawn: ellipsoids, eggs and rounded bodies at random attitudes, turning by 6 rad/s a component. Ranks: of the sensitivities of the contact's path over 4√(L/g) by the state, from the least to the most found; palm moving: accelerated in all directions. condition holds: all of Theorem 32.",
+        "Drawn: ellipsoids, eggs and rounded bodies at random attitudes, turning by 6 rad/s a component. Ranks: of the sensitivities of the contact's path over 4√(L/g) by the state, from the least to the most found; palm moving: accelerated in all directions. condition holds: all of Theorem 32. spins: a body free to spin about the contact's normal.",
         "least seen and largest unseen: singular values, as shares of the largest, above and below 1e-7, the least and largest of all states. β·(Iz): over m L³, or h(n)/L without spin: (7.33) fails only where it is 0.",
     ]
     .map(str::to_owned)
     .to_vec();
     for (number, (name, state)) in ROLL_KINDS.iter().enumerate() {
-        for (spin, spin_name) in [(Spin::Free, "free"), (Spin::NoSpin, "none")] {
+        for (spin, spin_name) in [(Spin::Free, "spins"), (Spin::NoSpin, "no spin")] {
             let told = of_each(settings.cases, |case| {
                 let mut draw = Draw::case(settings.seed, 1_000_000 * number + case);
                 let (body, state) = until_possible(&mut draw, |draw| state(draw, spin));
@@ -417,8 +414,7 @@ fn rolls(settings: &TableSettings) -> Table {
                 .map(|told| told.sufficient_condition.contact_and_inertia.abs())
                 .fold(f64::INFINITY, f64::min);
             table.push([
-                (*name).into(),
-                spin_name.into(),
+                format!("{name}; {spin_name}").into(),
                 Cell::count(unknowns),
                 Cell::share(holds, rest.len()),
                 ranks(&rest),
@@ -428,9 +424,7 @@ fn rolls(settings: &TableSettings) -> Table {
                 Cell::number(term, 3),
             ]);
             if rest.len() < told.len() {
-                table
-                    .failures
-                    .push(format!("{name}, spin {spin_name}: {} could not be followed", told.len() - rest.len()));
+                table.failures.push(format!("{name}; {spin_name}: {} could not be followed", told.len() - rest.len()));
             }
         }
     }
@@ -459,8 +453,8 @@ mod tests {
         let table = rolls(&TableSettings { cases: 4, seed: 1, jobs: None });
         assert!(table.failures.is_empty(), "{table}");
         let ranks = |name: &str| {
-            let rows = table.rows().filter(|row| row[0].to_string() == name);
-            rows.map(|row| row[4].to_string()).collect::<Vec<_>>()
+            let rows = table.rows().filter(|row| row[0].to_string().split("; ").next() == Some(name));
+            rows.map(|row| row[3].to_string()).collect::<Vec<_>>()
         };
         for (name, wanted) in [
             ("any", ["8", "7"]),

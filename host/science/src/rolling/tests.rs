@@ -90,7 +90,7 @@ const ORACLE_ERROR: f64 = 2e-6;
 
 proptest! {
     #[test]
-    fn the_motion_is_that_of_newton_and_euler((spin, state, specific_force) in motions()) {
+    fn theorem_24_the_motion_is_that_of_newton_and_euler((spin, state, specific_force) in motions()) {
         for body in bodies() {
             let model = Model { body, spin };
             let (turn, force) = newton_euler(body, spin, &state, &specific_force);

@@ -335,6 +335,21 @@ proptest! {
         prop_assert!(values[2] > 10.0 * DIFFERENCES * values[0], "{values:?} {body:?} {contact:?}");
     }
 
+    /// Theorem 32: where its condition holds, and not by a hair, the state is observable, for either kind of contact.
+    #[test]
+    fn theorem_32_where_its_condition_holds_the_state_is_observable(
+        (body, contact) in contacts(), psi in -3.0..3.0, omega in [-6.0..6.0, -6.0..6.0, -6.0..6.0_f64],
+    ) {
+        for (spin, states) in [(Spin::Free, 8), (Spin::NoSpin, 7)] {
+            let state = super::tests::state_of(spin, contact.state(psi).orientation.coords.into(), omega);
+            let told = observability(&Model { body: &body, spin }, &state, GRAVITY_ASSUMED, Inputs::Generic).unwrap();
+            let condition = told.sufficient_condition;
+            prop_assume!((condition.contact_and_inertia * condition.determinant.unwrap()).abs() > 1e-4);
+            prop_assert!(condition.holds);
+            prop_assert_eq!(told.spectrum.rank(), states, "{:?} {:?}", spin, told.spectrum);
+        }
+    }
+
     /// The shape that is not observable: of a sphere Q is −5/7 (1, 0) wherever it touches, so neither place nor turn
     /// shows, whatever the palm does; four of the state's eight numbers are left.
     #[test]

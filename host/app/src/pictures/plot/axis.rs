@@ -157,11 +157,16 @@ impl Frame {
         for (value, text) in &y.ticks {
             self.y_tick(page, self.place(self.x.low, value * unit), text);
         }
-        page.path(&self.area.corners(), true, Stroke::solid(Colour::DARK_GREY, 1.0));
+        self.draw_edge(page);
         let below = PagePoint::new(self.area.left + 0.5 * self.area.width, self.area.bottom() + 34.0);
         page.text(axis_text(x.label(labels[0]), below));
         let beside = PagePoint::new(self.area.left - 50.0, self.area.top + 0.5 * self.area.height);
         page.text(Text { upward: true, ..axis_text(y.label(labels[1]), beside) });
+    }
+
+    /// Draws its edge alone.
+    pub(super) fn draw_edge(&self, page: &mut Page) {
+        page.path(&self.area.corners(), true, Stroke::solid(Colour::DARK_GREY, 1.0));
     }
 
     fn x_tick(&self, page: &mut Page, foot: PagePoint, text: &str) {

@@ -68,6 +68,15 @@ impl Area {
         self.top + self.height
     }
 
+    /// Whether all of another is in it.
+    #[must_use]
+    pub fn holds(self, other: Self) -> bool {
+        self.left <= other.left
+            && other.right() <= self.right()
+            && self.top <= other.top
+            && other.bottom() <= self.bottom()
+    }
+
     /// Whether it has an area in common with another.
     #[must_use]
     pub fn overlaps(self, other: Self) -> bool {

@@ -41,7 +41,16 @@ const LABEL_GAP: f64 = 8.0;
 #[derive(Clone, Debug)]
 pub struct PlotScene {
     heading: Heading,
+    axes: Axes,
     marks: Vec<Mark>,
+}
+
+/// What the axes of a scene are called.
+#[derive(Clone, Debug)]
+enum Axes {
+    Lengths([String; 2]),
+    /// What is shown has no lengths: a graph, or things seen at an angle.
+    None,
 }
 
 #[derive(Clone, Debug)]
@@ -83,7 +92,20 @@ impl PlotScene {
     /// An empty scene; the title may be empty.
     #[must_use]
     pub fn new(title: impl Into<String>) -> Self {
-        Self { heading: Heading { title: title.into(), ..Heading::default() }, marks: Vec::new() }
+        let axes = Axes::Lengths(["x", "y"].map(str::to_owned));
+        Self { heading: Heading { title: title.into(), ..Heading::default() }, axes, marks: Vec::new() }
+    }
+
+    /// The scene with its axes, lengths across and up, called so.
+    #[must_use]
+    pub fn with_axes(self, [across, up]: [&str; 2]) -> Self {
+        Self { axes: Axes::Lengths([across.to_owned(), up.to_owned()]), ..self }
+    }
+
+    /// The scene without axes, for what has no lengths.
+    #[must_use]
+    pub fn without_axes(self) -> Self {
+        Self { axes: Axes::None, ..self }
     }
 
     /// Adds a closed outline, m.
@@ -172,10 +194,13 @@ impl Panel for PlotScene {
     fn draw(&self, page: &mut Page, panel: Area) {
         let frame = self.frame(self.heading.draw(page, panel));
         let millimetres = frame.x.span().min(frame.y.span()) < MILLIMETRES_BELOW_M;
-        if millimetres {
-            frame.draw(page, ["x [mm]", "y [mm]"], 1e-3);
-        } else {
-            frame.draw(page, ["x [m]", "y [m]"], 1.0);
+        let (unit, metres) = if millimetres { ("mm", 1e-3) } else { ("m", 1.0) };
+        match &self.axes {
+            Axes::Lengths(names) => {
+                let [across, up] = names.each_ref().map(|name| format!("{name} [{unit}]"));
+                frame.draw(page, [&across, &up], metres);
+            }
+            Axes::None => frame.draw_edge(page),
         }
         self.marks.iter().for_each(|mark| draw_mark(page, &frame, mark));
         self.draw_labels(page, &frame);
@@ -210,15 +235,18 @@ fn dot_area(frame: &Frame, mark: &Mark) -> Option<Area> {
 }
 
 impl Label {
-    /// Its text on the first side where nothing is in the way; where there is none, on the side it is meant for, or
+    /// Its text on the first side where nothing is in the way, within the frame if it can be; where there is none, on the side it is meant for, or
     /// nowhere if it is optional.
     fn fitted(&self, frame: &Frame, taken: &[Area]) -> Option<Text> {
         let across = Vector2::new(self.toward.y, -self.toward.x);
         let sides = [self.toward, -self.toward, across, -across];
         let sides = if self.optional { &sides[..2] } else { &sides[..] };
         let free = |text: &Text| !taken.iter().any(|area| area.overlaps(text.area()));
-        let fitting = sides.iter().map(|side| self.beside(frame, *side)).find(free);
-        fitting.or_else(|| (!self.optional).then(|| self.beside(frame, self.toward)))
+        let inside = |text: &Text| frame.area.holds(text.area());
+        let fitting =
+            |is_good: &dyn Fn(&Text) -> bool| sides.iter().map(|side| self.beside(frame, *side)).find(is_good);
+        let found = fitting(&|text| free(text) && inside(text)).or_else(|| fitting(&free));
+        found.or_else(|| (!self.optional).then(|| self.beside(frame, self.toward)))
     }
 
     /// Its text on one side of its point, held at the end or middle that keeps it clear of the point.

@@ -153,11 +153,16 @@ fn quadrilateral() -> Option<SimplePolygon> {
 }
 
 fn draw_cone(scene: &mut PlotScene, apex: Point2<f64>, angles: [f64; 2], length: f64) {
+    draw_sides(scene, apex, angles, length);
+    scene.dot(apex, Colour::BLACK);
+}
+
+/// A cone without a dot at its apex.
+fn draw_sides(scene: &mut PlotScene, apex: Point2<f64>, angles: [f64; 2], length: f64) {
     for angle in angles {
         let end = apex + Vector2::new(angle.cos(), angle.sin()) * length;
         scene.polyline(&[apex, end], Stroke::solid(Colour::DARK_GREY, 1.2));
     }
-    scene.dot(apex, Colour::BLACK);
 }
 
 fn figure_2_1(_: &TableSettings) -> (Table, Figure) {
@@ -176,7 +181,9 @@ fn figure_2_1(_: &TableSettings) -> (Table, Figure) {
     let mut scene = PlotScene::new("");
     for (k, (cone, site)) in cones.iter().zip(sites).enumerate() {
         draw_cone(&mut scene, site, cone.each_ref().map(|bearing| bearing.angle), 0.2);
-        scene.label(site, -Vector2::y(), format!("sensor {}", k + 1), Colour::BLACK);
+        // Away from the part.
+        let aside = Vector2::x() * (site.x - truth.x).signum();
+        scene.label(site, aside, format!("sensor {}", k + 1), Colour::BLACK);
     }
     for pose in &found {
         let is_truth = is_same(pose, &truth);
@@ -289,7 +296,7 @@ fn figure_2_3(_: &TableSettings) -> (Table, Figure) {
     let path: Vec<_> = (0..=steps).map(|k| Point2::from(origin(turn_of(k)))).collect();
     let changes: Vec<_> = (0..steps).filter(|&k| touching(turn_of(k)) != touching(turn_of(k + 1))).collect();
     let mut scene = PlotScene::new("");
-    draw_cone(&mut scene, Point2::origin(), CONE, 0.11);
+    draw_sides(&mut scene, Point2::origin(), CONE, 0.11);
     scene.polyline(&path, Stroke::solid(Colour::VERMILLION, 1.8));
     for (k, colour) in [0_u32, 400, 900].into_iter().zip([Colour::BLUE, Colour::GREEN, Colour::PURPLE]) {
         let (place, turn) = (origin(turn_of(k)), Rotation2::new(turn_of(k)));
@@ -349,7 +356,7 @@ fn ambiguous(
 }
 
 fn figure_2_4(settings: &TableSettings) -> (Table, Figure) {
-    let caption = "The first pose is real: the three lines were laid at it. The seven others touch the same lines from the same sides, so nothing tells them apart but a fourth line.";
+    let caption = "The first pose is real: the three lines were laid at it. The seven others touch the same lines from the same sides, so nothing tells them apart but a fourth line. A dot marks the same corner in all.";
     let mut figure = captioned("Figure 2.4: eight poses between three lines", [900.0, 520.0], caption);
     let drawn = ambiguous(settings, 8, |draw, part, truth| {
         let outline = placed(part, truth);

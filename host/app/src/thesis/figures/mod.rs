@@ -33,6 +33,9 @@ pub struct Illustration {
     pub make: fn(&TableSettings) -> (Table, Figure),
 }
 
+/// What a figure takes at most, s of one processor: 3.1 and 6.6 take half a second, all others less.
+pub const FIGURE_S: f64 = 0.6;
+
 /// All figures, in the order of the thesis.
 pub const ILLUSTRATIONS: &[Illustration] = &[
     inscription::FIGURE_1_1,
@@ -70,7 +73,7 @@ const CAPTION_SIZE: f64 = 13.0;
 const BESIDE: f64 = 44.0;
 
 /// A page of so much below its caption, which is folded to its width.
-fn captioned(title: &str, [width, height]: [f64; 2], caption: &str) -> Figure {
+pub(super) fn captioned(title: &str, [width, height]: [f64; 2], caption: &str) -> Figure {
     let mut lines = vec![String::new()];
     for word in caption.split_whitespace() {
         let last = lines.len() - 1;

@@ -227,7 +227,18 @@ fn figure_5_2(_: &TableSettings) -> (Table, Figure) {
         scene.label(at + vector * seconds, vector, name, colour);
     }
     scene.dot(contact, FORCE);
+    scene.label(contact, Vector2::x(), "u, s", FORCE);
     scene.key(Key::Dot(FORCE), "contact");
+    // The turn about the centre of mass, an arc as long as it lasts a second.
+    let arc: Vec<_> = (0..=40)
+        .map(|k| 0.6 + sample.state.omega * f64::from(k) / 40.0)
+        .map(|angle| sample.position + Vector2::new(angle.cos(), angle.sin()) * 0.012)
+        .collect();
+    if let [.., before, end] = arc[..] {
+        scene.polyline(&arc, Stroke::solid(Colour::GREEN, 1.4));
+        scene.arrow(end, (end - before) * 4.0, Colour::GREEN);
+        scene.label(arc[arc.len() / 2], arc[arc.len() / 2] - sample.position, "ω", Colour::GREEN);
+    }
     let mut table = Table::new(["at 0.4 s", "u °", "s °", "ω rad/s", "v mm/s", "vF mm/s"]);
     table.definitions.push(definition.to_owned());
     table.push([
@@ -267,14 +278,14 @@ fn figure_5_3(_: &TableSettings) -> (Table, Figure) {
                 * Point2::new(share * OBJECT[0] * t.cos(), share * OBJECT[1] * t.sin());
             let velocity = Twist::new(sample.velocity, omega).velocity_at(point - sample.position);
             worst = worst.max((velocity.dot(&(point - centre)) / velocity.norm() / (point - centre).norm()).abs());
-            scene.polyline(&[centre, point], Stroke::solid(Colour::PALE_GREY, 0.8));
+            scene.polyline(&[centre, point], Stroke::solid(Colour::GREY, 0.6));
             scene.arrow(point, velocity * scale, Colour::GREEN);
         }
     }
     scene.dot(sample.position, Colour::BLUE);
     scene.label(sample.position, Vector2::x(), "c", Colour::BLUE);
     scene.dot(centre, FORCE);
-    scene.label(centre, Vector2::new(-1.0, 1.0), "q", FORCE);
+    scene.label(centre, -Vector2::y(), "q", FORCE);
     scene.key(Key::Arrow(Colour::GREEN), "velocity");
     let mut table = Table::new(["centre of rotation", "x mm", "y mm", "distance from c mm", "largest cosine"]);
     table.definitions.push(definition.to_owned());

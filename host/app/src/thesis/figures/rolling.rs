@@ -71,7 +71,7 @@ fn figure_7_2(_: &TableSettings) -> (Table, Figure) {
     // The contact is at the palm's origin.
     let centre = attitude * -contact;
     let place = |p: Vector3<f64>| seen(centre + attitude * p);
-    let mut scene = PlotScene::new("");
+    let mut scene = PlotScene::new("").without_axes();
     let palm: Vec<_> = [[-0.05, -0.05], [0.07, -0.05], [0.07, 0.06], [-0.05, 0.06]]
         .map(|[x, y]| seen(Vector3::new(x, y, 0.0)))
         .to_vec();
@@ -91,7 +91,7 @@ fn figure_7_2(_: &TableSettings) -> (Table, Figure) {
         scene.polygon(&ring(a, b), Stroke::solid(Colour::BLUE.faded(0.5), 0.6).with(Dash::Dashed));
     }
     axes(&mut scene, centre, attitude.matrix(), ["xB", "yB", "zB"], 0.03, Colour::BLUE);
-    axes(&mut scene, Vector3::new(-0.04, -0.04, 0.0), &Matrix3::identity(), ["xP", "yP", "zP"], 0.022, Colour::BLACK);
+    axes(&mut scene, Vector3::new(-0.035, 0.02, 0.0), &Matrix3::identity(), ["xP", "yP", "zP"], 0.022, Colour::BLACK);
     axes(&mut scene, Vector3::zeros(), &(attitude.matrix() * frame), ["x", "y", "z"], 0.02, Colour::VERMILLION);
     scene.dot(seen(Vector3::zeros()), Colour::VERMILLION);
     scene.dot(seen(centre), Colour::BLUE);
@@ -127,7 +127,7 @@ fn figure_7_3(_: &TableSettings) -> (Table, Figure) {
     for (axis, name) in ["x", "y"].into_iter().enumerate() {
         let across = frame.column(axis).into_owned();
         let radius = radii[axis];
-        let mut scene = PlotScene::new(format!("({}) along {name}", ["a", "b"][axis]));
+        let mut scene = PlotScene::new(format!("({}) along {name}", ["a", "b"][axis])).with_axes([name, "height"]);
         // Rays from the contact into the body, in the plane of the section.
         let section: Vec<_> = (1..180)
             .map(|k| TAU / 2.0 * f64::from(k) / 180.0)

@@ -121,7 +121,7 @@ fn figure_3_1(_: &TableSettings) -> (Table, Figure) {
 
 fn figure_3_2(_: &TableSettings) -> (Table, Figure) {
     const COUNT: usize = 8;
-    let caption = "Eight polygons each. (a) The blocks on top are the digits of a polygon's number, and polygon i has i strips below: three points on the blocks tell all apart, although seven strips would, too. (b) Each polygon lies in the next: every ring between two of them has to be asked for.";
+    let caption = "Eight polygons each. (a) The blocks on top are the digits of a polygon's number, and each polygon has one strip more below than the one before: three points are enough, one a digit; those drawn are as good. (b) Each polygon lies in the next: every ring between two of them has to be asked for.";
     let figure = captioned("Figure 3.2: log₂ n points, or n − 1", [860.0, 460.0], caption);
     let mut table = counted("Lemma 4's two bounds, ⌈log₂ n⌉ and n − 1, reached by n = 8 polygons.");
     let panels = [("(a) three are enough", digits(COUNT), 3), ("(b) seven are needed", nested(COUNT), COUNT - 1)].map(
@@ -152,11 +152,11 @@ fn figure_3_3(_: &TableSettings) -> (Table, Figure) {
         row(&mut table, title, polygons.len(), &plan);
         let mut scene = told_apart(title, &polygons, &plan);
         let names = if panels.is_empty() {
-            (0..4).map(|k| (Point2::new(0.01 * (2.0 * f64::from(k) + 0.5), 0.005), k)).collect::<Vec<_>>()
+            (0..4).map(|k| (Point2::new(0.01 * (2.0 * f64::from(k) + 0.5), 0.0135), k)).collect::<Vec<_>>()
         } else {
             (0..4)
                 .map(|k| (TAU * (f64::from(k) + 0.5) / 4.0, k))
-                .map(|(angle, k)| (Point2::new(angle.cos(), angle.sin()) * 0.033, k))
+                .map(|(angle, k)| (Point2::new(angle.cos(), angle.sin()) * 0.046, k))
                 .collect()
         };
         for (place, k) in names {
@@ -175,7 +175,7 @@ fn figure_3_3(_: &TableSettings) -> (Table, Figure) {
 
 /// A graph at these places, its chosen vertices filled.
 fn draw_graph(title: &str, graph: &Graph, places: &[Point2<f64>], chosen: &[usize], original: usize) -> PlotScene {
-    let mut scene = PlotScene::new(title);
+    let mut scene = PlotScene::new(title).without_axes();
     for &[u, v] in &graph.edges {
         scene.polyline(&[places[u], places[v]], Stroke::solid(Colour::GREY, 1.0));
     }
@@ -286,7 +286,7 @@ fn figure_b_1(_: &TableSettings) -> (Table, Figure) {
         }
         places.extend((2 * length..reduced.vertices).map(|_| Point2::new(0.006 * (length - 1) as f64, 0.0)));
         let middles = [length / 2, length + length / 2];
-        let mut scene = PlotScene::new(title);
+        let mut scene = PlotScene::new(title).without_axes();
         for &[u, v] in &reduced.edges {
             scene.polyline(&[places[u], places[v]], Stroke::solid(Colour::GREY, 1.0));
         }
@@ -339,7 +339,7 @@ fn figure_3_5(settings: &TableSettings) -> (Table, Figure) {
 }
 
 fn figure_3_6(settings: &TableSettings) -> (Table, Figure) {
-    let caption = "In a square of a quarter of the side everything overlaps, each point halves what is left, and about ten are enough for fifty polygons or forty poses: log₂ of them is 6.";
+    let caption = "In a square of a quarter of the side everything overlaps: most points halve what is left, and far fewer are enough than there are polygons or poses. No choice has fewer than log₂ of these, 6.";
     let figure = captioned("Figure 3.6: dense polygons and their points", [900.0, 470.0], caption);
     random_scenes(
         settings,

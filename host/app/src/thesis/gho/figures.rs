@@ -18,6 +18,7 @@ use palpate::pushing::dynamics::{ContactMode, Finger, Part, State};
 use super::{Attempt, Case, Cell, Experiment, NEGLIGIBLE, STEP, STEPS_MAX, Table, TableSettings, ZETA, state};
 use crate::pictures::observer::{Moment, ObserverPicture};
 use crate::pictures::plot::{Chart, Colour, Figure};
+use crate::thesis::figures::captioned;
 
 /// The pushes of figures 6.1 to 6.4.
 pub(in crate::thesis) const EXPERIMENT: Experiment = Experiment {
@@ -81,7 +82,7 @@ const PRINTED: [Printed; 2] = [
 ];
 
 /// Gains, and first guesses of the place, of the basin: how many along the edge, and up to which angular velocity off.
-const GAINS: [f64; 8] = [2.0, 4.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0];
+const GAINS: [f64; 10] = [2.0, 4.0, 6.0, 8.0, 10.0, 15.0, 20.0, 30.0, 50.0, 80.0];
 /// See [`GAINS`].
 const GUESSES: u32 = 60;
 /// See [`GAINS`], rad/s.
@@ -231,7 +232,7 @@ fn guesses(printed: &Printed, case: &Case, zeta: f64, omega_off: f64) -> Vec<(f6
 fn basin(settings: &TableSettings) -> Table {
     let mut table = Table::new(["gain ζ 1/s", "ω right", "ω 0.5 rad/s off", "ω 1 rad/s off", "farthest s off mm"]);
     table.definitions = [
-        format!("The push of figure 6.1 (its 7-gon, drawn from the seed). First guesses: u right, s at {GUESSES} places along the edge, ω off by so much. Share of them from which u, s and ω are right for the last {:.1} s of the push of {:.2} s; a larger gain goes faster and overshoots. farthest: the largest error of s from which it follows, ω right.", STEP * FOLLOWED as f64, STEP * PRINTED[0].steps as f64),
+        format!("The push of figure 6.1 (its 7-gon, drawn from the seed). First guesses: u right, s at {GUESSES} places along the edge, ω off by so much. Share of them from which u, s and ω are right for the last {:.1} s of the push of {:.2} s; a larger gain goes faster. farthest: the largest error of s from which it follows, ω right.", STEP * FOLLOWED as f64, STEP * PRINTED[0].steps as f64),
         super::RUN.to_owned(),
     ]
     .to_vec();
@@ -261,10 +262,7 @@ fn basin(settings: &TableSettings) -> Table {
 pub(in crate::thesis) fn basin_figures(settings: &TableSettings) -> Vec<(String, Figure)> {
     let printed = &PRINTED[0];
     let Some(followed) = printed.drawn(settings.seed, settings.cases) else { return Vec::new() };
-    let caption = [
-        "Each dot is a first guess of the place on the edge (across) with a gain (up): blue, the observer follows the 7-gon of figure 6.1".to_owned(),
-        "in the end; red, it does not. See where small gains are too slow for 0.71 s, and how far large ones reach before they overshoot.".to_owned(),
-    ];
+    let caption = "Each dot is a first guess of the place on the edge (across) with a gain (up): blue, the observer follows the 7-gon of figure 6.1 in the end; red, it does not. See that gains below 8 are too slow for 0.71 s; from there on every place on the edge will do, for the estimate is set back to it.";
     let mut chart = Chart::new("", ["first guess of s [mm]", "gain ζ [1/s]"]);
     for (follows, name, colour) in [(true, "follows", Colour::BLUE), (false, "does not", Colour::VERMILLION)] {
         let dots: Vec<_> = GAINS
@@ -278,7 +276,7 @@ pub(in crate::thesis) fn basin_figures(settings: &TableSettings) -> Vec<(String,
         chart.dots(name, &dots, colour);
     }
     chart.instant(1e3 * followed.case.truth[0].s, "true");
-    let figure = Figure::new("How local is the thesis's observer?", 760.0, 480.0).subtitles(&caption);
+    let figure = captioned("How local is the thesis's observer?", [760.0, 440.0], caption);
     vec![("basin".to_owned(), figure.column(1.0, vec![chart.into()]))]
 }
 

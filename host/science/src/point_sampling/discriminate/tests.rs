@@ -152,6 +152,20 @@ proptest! {
         prop_assert!(f64::from(u32::try_from(greedy.elements.len()).unwrap()) <= bound + 1e-9);
     }
 
+    /// Where a poor choice would not: 64 sets that have their six digits and an element of their own, in any order.
+    #[test]
+    fn greedy_stays_within_its_guarantee_where_a_poor_choice_does_not(order in Just((0..70).collect::<Vec<usize>>()).prop_shuffle()) {
+        let sets: Vec<Vec<usize>> =
+            (0..64).map(|i| (0..6).filter(|bit| i >> bit & 1 == 1).chain([6 + i]).map(|element| order[element]).collect()).collect();
+        let system = SetSystem::from_sets(70, &sets);
+        let greedy = fewest(&system, &all(&system), &Search { separation: 1, target: 0, effort: Effort::Greedy, stop: &|| false });
+        prop_assert!(system.tells_apart(&greedy.elements));
+        let bound = (1.0 + (64.0_f64 * 64.0 / 4.0).ln()) * 6.0;
+        let own: Vec<usize> = (6..69).map(|element| order[element]).collect();
+        prop_assert!(system.tells_apart(&own) && own.len() as f64 > bound);
+        prop_assert!(greedy.elements.len() as f64 <= bound, "{}", greedy.elements.len());
+    }
+
     #[test]
     fn every_choice_that_tells_apart_keeps_every_counting_row(system in systems(2..9, 9), group in 1..512_usize) {
         let columns = Columns::of_all(&system, &all(&system));
@@ -375,13 +389,14 @@ proptest! {
     /// Figure 3.2 as polygons: (a) reaches the lower bound, (b) the upper.
     #[test]
     fn lemma_4_is_tight_by_figure_3_2(count in 2..14_usize) {
-        let points = |polygons: &[SimplePolygon]| {
+        let found = |polygons: &[SimplePolygon]| {
             let plan = plan(polygons, &Request::default(), &|| false);
             assert!(plan.is_fewest() && plan.indistinguishable.is_empty() && plan.signatures.len() == count);
-            plan.points.len()
+            (plan.points.len(), plan.regions)
         };
-        prop_assert_eq!(points(&reductions::digits(count)), log2_ceil(u32::try_from(count).unwrap()));
-        prop_assert_eq!(points(&reductions::nested(count)), count - 1);
+        let digits = log2_ceil(u32::try_from(count).unwrap());
+        prop_assert_eq!(found(&reductions::digits(count)), (digits, digits + count));
+        prop_assert_eq!(found(&reductions::nested(count)), (count - 1, count));
     }
 
     /// Theorem 6 by figure 3.3 (a), Corollary 7 by figure 3.3 (b): the polygons made of sets have a region for each element
@@ -436,6 +451,18 @@ proptest! {
     #[test]
     fn lemma_11_independent_sets_reduce_to_3_independent_sets(graph in graphs(2..6)) {
         prop_assert_eq!(graph.with_midvertices().independent(3), graph.independent(2));
+    }
+
+    /// Theorem 12, by Lemmas 11 and 10 one after the other: with ∅ and sets of two elements, the edges of a graph with its
+    /// midvertices, a discriminating set of so many elements says how many vertices of the graph are independent.
+    #[test]
+    fn theorem_12_sets_of_two_elements_are_as_hard_as_independent_set(graph in graphs(2..6)) {
+        let reduced = graph.with_midvertices();
+        let mut sets: Vec<Vec<usize>> = reduced.edges.iter().map(|edge| edge.to_vec()).collect();
+        sets.push(Vec::new());
+        prop_assert!(sets.iter().all(|set| set.len() <= 2));
+        let choice = solve(&SetSystem::from_sets(reduced.vertices, &sets), 1);
+        prop_assert_eq!(choice.elements.len() + graph.independent(2), graph.vertices + graph.edges.len());
     }
 
     /// Lemma 33: the same for k > 3 by paths, with the distances that its proof names.

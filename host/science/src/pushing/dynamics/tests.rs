@@ -351,6 +351,34 @@ proptest! {
         }
     }
 
+    /// Corollary 18: where the normal passes through the centre of mass, friction under the part alone turns it (5.16), and
+    /// its acceleration is that of the finger's line (5.13) along the normal, of friction across it (5.17).
+    #[test]
+    fn corollary_18_a_normal_through_the_centre_of_mass_does_not_turn_the_part(scene in scenes()) {
+        let part = scene.part();
+        let model = scene.model(&part);
+        let state = State { s: 0.0, ..scene.start };
+        let motion = model.motion(&ContactMode::Frictionless, 0.0, &state);
+        let edge = part.edge(scene.edge).unwrap();
+        // World: N and T of the thesis; the part's edge has its outward normal along N.
+        let (normal, tangent) = (-Vector2::new(state.u.cos(), state.u.sin()), Vector2::new(-state.u.sin(), state.u.cos()));
+        let finger = scene.finger.velocity0;
+        let velocity = normal * finger.dot(&normal) + tangent * state.v_t;
+        let to_part = Rotation2::new(edge.normal.y.atan2(edge.normal.x) - normal.y.atan2(normal.x));
+        let outline = SimplePolygon::new(scene.outline.clone()).unwrap();
+        let support = SupportFriction::uniform(&outline).with_origin(part.centre_of_mass());
+        let friction = support.mean_sliding(&Twist::new(to_part * velocity, state.omega));
+        let turning = -scene.mu_g * friction.moment / part.inertia_per_mass();
+        prop_assert!((motion.rates.omega - turning).abs() < 1e-9 * (1.0 + turning.abs()), "{motion:?} {turning}");
+        let across = state.omega * finger.dot(&normal) - scene.mu_g * (to_part.inverse() * friction.direction).dot(&tangent);
+        prop_assert!((motion.rates.v_t - across).abs() < 1e-9 * (1.0 + across.abs()), "{motion:?} {across}");
+        let reach = scene.finger.radius + edge.height;
+        let along = scene.finger.acceleration.dot(&normal) + 2.0 * state.omega * (state.v_t - finger.dot(&tangent))
+            - state.omega.powi(2) * reach;
+        let newton = -motion.normal_force - scene.mu_g * (to_part.inverse() * friction.direction).dot(&normal);
+        prop_assert!((newton - along).abs() < 1e-9 * (1.0 + along.abs()), "{motion:?} {newton} {along}");
+    }
+
     #[test]
     fn sliding_without_friction_is_frictionless(scene in scenes(), backward in any::<bool>()) {
         let slip = if backward { Slip::Backward } else { Slip::Forward };

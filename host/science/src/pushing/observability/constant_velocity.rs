@@ -290,6 +290,30 @@ mod tests {
         }
     }
 
+    /// The push of `palpate tables observability --plot`: on ice, without friction at the finger, there are two more rates of
+    /// turning at which the proof's three derivatives do not tell. The fourth does, so nothing is hidden there.
+    #[test]
+    fn where_three_derivatives_do_not_tell_on_ice_a_fourth_does() {
+        let told = |omega: f64, order: usize| {
+            let push = ConstantPush {
+                radius: 0.01,
+                height: 0.02,
+                inertia_per_mass: 4e-4,
+                mu_g: 0.0,
+                feet: Vec::new(),
+                contact: ConstantContact::Slides(0.0),
+                state: [0.006, omega, 0.012],
+                finger: [0.0, -0.05],
+            };
+            push.told(order, &SCALES).last_pivot[1]
+        };
+        for omega in [0.426_077_601_115_024_1, 0.978_374_279_729_932_6] {
+            let [here, beside] = [omega, omega + 0.05].map(|omega| told(omega, 3));
+            assert!(here < 1e-9 * beside, "{omega}: {here:e} {beside:e}");
+            assert!(told(omega, 4) > 1e-3 * beside, "{omega}: {:e} {beside:e}", told(omega, 4));
+        }
+    }
+
     /// Appendix E's condition 1 fails where s² = h² + ρ²; a derivative more tells what it misses.
     #[test]
     fn rolling_on_ice_needs_a_third_derivative_beside_the_radius_of_gyration() {

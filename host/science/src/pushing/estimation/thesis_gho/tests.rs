@@ -111,6 +111,63 @@ proptest! {
     }
 }
 
+/// How far an estimate is from the truth, each state in its scale: a radian, the radius of gyration, its rates.
+fn error(part: &Part, estimate: &State, truth: &State) -> f64 {
+    let length = part.inertia_per_mass().sqrt();
+    let along = ((estimate.s - truth.s) / length).hypot((estimate.v_t - truth.v_t) / length);
+    (estimate.u - truth.u).hypot(estimate.omega - truth.omega).hypot(along)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(16))]
+
+    /// Theorem 16 where its conditions hold along the way: errors fall at least as e^(−ζt/3), from beside the truth, with
+    /// the correction always on. Rolling by three states, without friction by four.
+    #[test]
+    fn theorem_16_errors_fall_as_fast_as_the_gains_say(
+        rolling in any::<bool>(), u in 1.5..1.65, s in -0.008..0.008, omega in 0.2..0.5, zeta in 30.0..50.0,
+        off in [-1.0..1.0, -1.0..1.0, -1.0..1.0, -1.0..1.0_f64],
+    ) {
+        /// s: contacts between two are interpolated.
+        const SHORT: f64 = 2.5e-4;
+        /// m per rad and second, over ζ³: what the map's inverse makes of the contact angle.
+        const PULL_MAX: f64 = 2e-3;
+        let part = part();
+        let contact = if rolling { ContactMode::Rolling } else { ContactMode::Frictionless };
+        let observer = observer(&part, contact, [0.0, 0.02]);
+        let settings = GhoSettings { zeta, correction_on: 1.0, correction_off: 0.0 };
+        let observer = Gho { settings, ..observer };
+        let start = observer.complete(0.0, &State { u, s, omega, v_t: 0.01 });
+        // From the start to where e^(−ζt) is 3e-7.
+        let steps = (0_u32..).take_while(|&k| f64::from(k) * SHORT < 15.0 / zeta).count();
+        let followed = std::iter::once(start).chain(observer.model.rollout(&contact, &start, SHORT));
+        let truth: Vec<State> =
+            followed.take(steps + 1).enumerate().map(|(i, state)| observer.complete(i as f64 * SHORT, &state)).collect();
+        // Condition 1 holds well along all of the way.
+        let pulls = truth.iter().enumerate().step_by(20).map(|(i, state)| {
+            let pull = observer.pull(i as f64 * SHORT, &vector(state));
+            pull[1].abs() / zeta.powi(3)
+        });
+        prop_assume!(pulls.fold(0.0, f64::max) < PULL_MAX);
+        let angles: Vec<_> = truth.iter().map(|state| state.u).collect();
+        // So near that the map is straight there, and far beside what interpolation does (4e-8 rad).
+        let beside = State {
+            u: start.u + 1e-5 * off[0],
+            s: start.s + 1e-6 * off[1],
+            omega: start.omega + 3e-4 * off[2],
+            v_t: start.v_t + 1e-6 * off[3],
+        };
+        let trace = observer.trace(beside, &angles, SHORT);
+        prop_assert_eq!(trace.len(), angles.len());
+        let errors: Vec<f64> = trace.iter().zip(&truth).map(|(estimate, truth)| error(&part, estimate, truth)).collect();
+        // K(ζ) is what errors grow to at first; it is over by 6/ζ.
+        let early = steps * 2 / 5;
+        let largest = errors[..early].iter().fold(0.0_f64, |most, error| most.max(*error));
+        let wanted = largest * (-zeta * SHORT * (steps - early) as f64 / 3.0).exp();
+        prop_assert!(errors[steps] < wanted, "{} of {largest}, wanted {wanted}", errors[steps]);
+    }
+}
+
 #[test]
 fn a_distant_estimate_comes_to_the_truth() {
     let part = part();

@@ -196,6 +196,18 @@ proptest! {
             let ours = fields[0][i] + input[0] * fields[1][i] + input[1] * fields[2][i];
             prop_assert!((ours - rate).abs() < 1e-10 * (1.0 + rate.abs()), "{i}: {ours} {rate}");
         }
+        // Rows 5 and 6: the finger's velocity by axes that turn with the contact, ω = u̇, as a difference of a moment.
+        let moment = 1e-5;
+        let later = |time: f64| {
+            let (sin, cos) = (x[0] + x[2] * time).sin_cos();
+            let velocity = finger.velocity0 + finger.acceleration * time;
+            [velocity.dot(&Vector2::new(-sin, cos)), -velocity.dot(&Vector2::new(cos, sin))]
+        };
+        for row in [4, 5] {
+            let ours = fields[0][row] + input[0] * fields[1][row] + input[1] * fields[2][row];
+            let rate = (later(moment)[row - 4] - later(-moment)[row - 4]) / (2.0 * moment);
+            prop_assert!((ours - rate).abs() < 1e-8, "{row}: {ours} {rate}");
+        }
     }
 
     #[test]
