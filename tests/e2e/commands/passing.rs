@@ -1,5 +1,5 @@
-//! Parts that are carried past light barriers, and switches that read a plan: lines on standard input and a board's inputs
-//! become poses and names.
+//! Parts that are carried past light barriers, and switches that read a plan: lines on standard input become poses
+//! and names.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -165,56 +165,4 @@ fn switches_that_change_name_each_part_once_they_settle() {
     // Without a part's name where it is not certain.
     let output = with_lines(folder.path(), &["sample", "--decode", "plan.json", "1?????????????", "--json"], "");
     assert!(!output.status.success(), "{}", text(&output.stdout));
-}
-
-/// The same by the digital inputs of a simulated board, which run through the whole protocol.
-#[cfg(unix)]
-#[test]
-fn a_boards_inputs_name_parts_and_place_them() {
-    let folder = tempfile::tempdir().unwrap();
-    let link = folder.path().join("finger");
-    let (_, plan) = plan(folder.path(), &[]);
-    let points = plan["points"].as_array().unwrap().len();
-    let levels = |outline: usize| {
-        (0..points).rev().fold(String::new(), |levels, point| format!("{levels}{}", plan["signatures"][outline][point]))
-    };
-    let simulate = |orders: String| {
-        let mut child = Command::new(PALPATE)
-            .args(["simulate-device", "--link", path(&link)])
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut input = child.stdin.take().unwrap();
-        input.write_all(orders.as_bytes()).unwrap();
-        drop(input);
-        while !link.exists() {
-            std::thread::sleep(std::time::Duration::from_millis(10));
-        }
-        child
-    };
-    let told = |arguments: &[&str]| -> Vec<Value> {
-        let mut command = Command::new(PALPATE);
-        command.args(arguments).args(["-d", path(&link), "--json"]).current_dir(folder.path());
-        let output = command.output().unwrap();
-        text(&output.stdout)
-            .lines()
-            .map(|line| serde_json::from_str(line).unwrap_or_else(|_| panic!("{line}")))
-            .collect()
-    };
-
-    let orders: String = [0, 1, 2, 3].map(|outline| format!("wait 1\ninputs {:0>8}\n", levels(outline))).concat();
-    let mut device = simulate(format!("wait 3\n{orders}wait 1\nquit\n"));
-    let named = told(&["sample", "--decode", "plan.json"]);
-    device.wait().unwrap();
-    let names: Vec<_> = named.iter().filter_map(|told| told["name"].as_str()).collect();
-    assert!(names.ends_with(&NAMES), "{named:?}");
-
-    let (part, beams) = (example("part.toml"), example("passing.toml"));
-    let mut device = simulate(changes(&["-150,-10,30"], &["--orders-after", "4"]) + "quit\n");
-    let placed = told(&["inscribe", path(&part), "--passing", path(&beams)]);
-    device.wait().unwrap();
-    let [only] = &placed[..] else { panic!("{placed:?}") };
-    assert!(only["parts"][0]["modes"].as_array().is_some_and(|modes| !modes.is_empty()), "{only}");
 }
