@@ -2,7 +2,7 @@
 //! and names.
 
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 use nalgebra::{Isometry2, Vector2};
@@ -114,7 +114,7 @@ fn lines_of_barriers_that_cannot_be_used_are_told_and_lose_nothing_else() {
 const NAMES: [&str; 4] = ["a", "b", "c", "d"];
 
 /// Two bars across two others, three pieces of each being in no other: a plan may correct a point.
-fn plan(folder: &Path, more: &[&str]) -> (PathBuf, Value) {
+fn plan(folder: &Path, more: &[&str]) -> Value {
     let bar = |name: &str, [x, y]: [i32; 2], [w, h]: [i32; 2]| {
         let corners = format!("[[{x}, {y}], [{}, {y}], [{}, {}], [{x}, {}]]", x + w, x + w, y + h, y + h);
         format!("[[shape]]\nname = '{name}'\nvertices = {corners}\n")
@@ -128,7 +128,7 @@ fn plan(folder: &Path, more: &[&str]) -> (PathBuf, Value) {
     let output = with_lines(folder, &arguments, "");
     assert!(output.status.success(), "{}", text(&output.stderr));
     std::fs::write(folder.join("plan.json"), &output.stdout).unwrap();
-    (folder.join("plan.json"), serde_json::from_slice(&output.stdout).unwrap())
+    serde_json::from_slice(&output.stdout).unwrap()
 }
 
 /// Lines that set all points of a plan to an outline's signature from a time on, each contact bouncing.
@@ -148,7 +148,7 @@ fn readings(plan: &Value, outline: usize, t: f64, stuck: Option<usize>) -> Strin
 #[test]
 fn switches_that_change_name_each_part_once_they_settle() {
     let folder = tempfile::tempdir().unwrap();
-    let (_, plan) = plan(folder.path(), &["--correct", "1"]);
+    let plan = plan(folder.path(), &["--correct", "1"]);
     // From the second round on the first point that reads 1 of the first outline is stuck at 0.
     let stuck = plan["signatures"][0].as_array().unwrap().iter().position(|bit| *bit == 1).unwrap();
     let lines: String = (0..8)
