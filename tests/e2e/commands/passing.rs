@@ -1,5 +1,5 @@
-//! Parts that are carried past light barriers, and switches that read a plan: lines on standard input become poses
-//! and names.
+//! Parts that are carried past light barriers, and switches that read a plan: lines on standard input, and a
+//! board's inputs, become poses and names.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -165,4 +165,36 @@ fn switches_that_change_name_each_part_once_they_settle() {
     // Without a part's name where it is not certain.
     let output = with_lines(folder.path(), &["sample", "--decode", "plan.json", "1?????????????", "--json"], "");
     assert!(!output.status.success(), "{}", text(&output.stdout));
+}
+
+/// The same by the digital inputs of a simulated board, which run through the whole protocol.
+#[cfg(unix)]
+#[test]
+fn a_boards_inputs_name_parts() {
+    let folder = tempfile::tempdir().unwrap();
+    let (plan, link) = (plan(folder.path(), &[]), folder.path().join("finger"));
+    let levels = |outline: usize| -> String {
+        plan["signatures"][outline].as_array().unwrap().iter().rev().map(ToString::to_string).collect()
+    };
+    // The first wait is for the program that reads to be there.
+    let changes: String = (0..4).map(|outline| format!("wait 1\ninputs {:0>8}\n", levels(outline))).collect();
+    let spawn = |arguments: &[&str]| {
+        let mut command = Command::new(PALPATE);
+        command.args(arguments).current_dir(folder.path());
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap()
+    };
+    let mut device = spawn(&["simulate-device", "--link", path(&link)]);
+    let mut orders = device.stdin.take().unwrap();
+    orders.write_all(format!("wait 4\n{changes}wait 1\nquit\n").as_bytes()).unwrap();
+    while !link.exists() {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    let reader = spawn(&["sample", "--decode", "plan.json", "-d", path(&link), "--json"]);
+    device.wait().unwrap();
+    // It would wait for the board to come back.
+    crate::progress::interrupt(&reader);
+    let told = text(&reader.wait_with_output().unwrap().stdout);
+    let told: Vec<Value> = told.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let names: Vec<_> = told.iter().filter_map(|told| told["name"].as_str()).collect();
+    assert!(names.ends_with(&NAMES), "{told:?}");
 }
