@@ -25,6 +25,10 @@ use super::{Recording, active};
 /// Between two messages of what was counted.
 const COUNTERS_EVERY: Duration = Duration::from_secs(1);
 
+/// What numbers of forces and contacts are rounded to, in their units: a thousandth of the noise of a reading and less, without
+/// which a message is half digits that mean nothing, and a recording a fifth larger. What is exact is on the link.
+const RESOLUTION: f64 = 1.0 / (1 << 20) as f64;
+
 const FINGER: &str = "finger";
 const WORLD: &str = "world";
 const PART: &str = "part";
@@ -176,8 +180,10 @@ impl Recording {
 
     fn force(&mut self, session: &Session, reading: &Reading) {
         let at = unix_ns(session, Some(reading.t));
-        let wrench =
-            |force: Vector2<f64>| Cdr::new().header(at, FINGER).f64s([force.x, force.y, 0.0]).f64s([0.0, 0.0, 0.0]);
+        let wrench = |force: Vector2<f64>| {
+            let components = [force.x, force.y, 0.0, 0.0, 0.0, 0.0];
+            Cdr::new().header(at, FINGER).f64s(components.map(rounded))
+        };
         self.tell(Kind::WrenchRaw, at, wrench(reading.force_finger));
         if let Some(bias) = self.derived.bias {
             self.tell(Kind::Wrench, at, wrench(reading.force_finger - bias));
@@ -205,7 +211,8 @@ impl Recording {
                 }
             },
         };
-        let contact = Cdr::new().header(at, FINGER).f64(t).bool(is_measured).bool(is_touching).f64s(numbers);
+        let contact =
+            Cdr::new().header(at, FINGER).f64(t).bool(is_measured).bool(is_touching).f64s(numbers.map(rounded));
         self.tell(Kind::Contact, at, contact);
     }
 
@@ -322,6 +329,11 @@ impl Marker<'_> {
         let cdr = cdr.sequence(&[(); 0], |cdr, ()| cdr).text("").time(0).text("").text("").bytes(&[]);
         cdr.sequence(&[(); 0], |cdr, ()| cdr).text("").text("").text("").bytes(&[]).bool(false)
     }
+}
+
+/// A force or an angle to [`RESOLUTION`].
+fn rounded(number: f64) -> f64 {
+    (number / RESOLUTION).round() * RESOLUTION
 }
 
 /// Adds a pose on the plane: place, then turn as a quaternion.

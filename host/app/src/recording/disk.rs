@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
@@ -41,24 +41,72 @@ pub(super) enum Item {
     UnitOfForce(&'static str),
 }
 
+impl Item {
+    /// About as many bytes as it takes.
+    fn bytes(&self) -> usize {
+        match self {
+            Self::Message { data, .. } | Self::Attachment { data, .. } => data.len(),
+            Self::Metadata { .. } | Self::UnitOfForce(_) => 0,
+        }
+    }
+}
+
+/// What waits for the disk. It is taken all at once: a thread that were woken for each message would cost more than writing
+/// them does.
+#[derive(Debug, Default)]
+struct Waiting {
+    items: Vec<Item>,
+    bytes: usize,
+    /// Nothing more comes.
+    is_over: bool,
+    /// Nothing more can be written.
+    has_ended: bool,
+}
+
+/// What waits, and the bell for the thread when that is much, or all.
+#[derive(Debug, Default)]
+struct Desk {
+    waiting: Mutex<Waiting>,
+    bell: Condvar,
+}
+
+impl Desk {
+    /// Changes what waits.
+    fn change<T>(&self, change: impl FnOnce(&mut Waiting) -> T) -> T {
+        change(&mut self.waiting.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Takes what waits when that is due, much, or all; whether it is all.
+    fn take(&self, due: Instant) -> (Vec<Item>, bool) {
+        let waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        let left = due.saturating_duration_since(Instant::now());
+        let is_early = |waiting: &mut Waiting| !waiting.is_over && waiting.bytes < FLUSH_BYTES;
+        let taken = self.bell.wait_timeout_while(waiting, left, is_early);
+        let (mut waiting, _) = taken.unwrap_or_else(PoisonError::into_inner);
+        waiting.bytes = 0;
+        (std::mem::take(&mut waiting.items), waiting.is_over)
+    }
+}
+
 /// The way to the thread.
 #[derive(Debug)]
 pub(super) struct Disk {
     path: PathBuf,
-    /// `None` once it cannot be written any more.
-    items: Option<SyncSender<Item>>,
+    desk: Arc<Desk>,
     thread: Option<JoinHandle<Option<u64>>>,
 }
 
 impl Disk {
     /// Starts the thread.
     pub(super) fn start(writer: Writer, path: &Path) -> io::Result<Self> {
-        let (items, received) = sync_channel(WAITING_MAX);
-        let named = path.display().to_string();
-        let thread = thread::Builder::new()
-            .name("palpate recording".to_owned())
-            .spawn(move || Written { writer, channels: BTreeMap::new(), unit: "N" }.write_all(&received, &named))?;
-        Ok(Self { path: path.to_owned(), items: Some(items), thread: Some(thread) })
+        let desk = Arc::new(Desk::default());
+        let (named, at) = (path.display().to_string(), Arc::clone(&desk));
+        let thread = thread::Builder::new().name("palpate recording".to_owned()).spawn(move || {
+            let size = Written { writer, channels: BTreeMap::new(), unit: "N" }.write_all(&at, &named);
+            at.change(|waiting| *waiting = Waiting { has_ended: true, ..Waiting::default() });
+            size
+        })?;
+        Ok(Self { path: path.to_owned(), desk, thread: Some(thread) })
     }
 
     /// The file.
@@ -68,29 +116,38 @@ impl Disk {
 
     /// Has an item written, after those before.
     pub(super) fn put(&mut self, item: Item) {
-        let Some(items) = &self.items else { return };
-        match items.try_send(item) {
-            Ok(()) => {}
+        let (is_much, is_too_much) = self.desk.change(|waiting| {
             // The thread has said why.
-            Err(TrySendError::Disconnected(_)) => self.items = None,
-            Err(TrySendError::Full(_)) => {
-                tracing::warn!(
-                    "the recording {} ends here: the disk does not keep up; the run goes on",
-                    self.path.display()
-                );
-                self.items = None;
+            if waiting.has_ended || waiting.is_over {
+                return (false, false);
             }
+            waiting.bytes += item.bytes();
+            waiting.items.push(item);
+            let is_too_much = waiting.items.len() > WAITING_MAX;
+            // What waits is still written.
+            waiting.is_over |= is_too_much;
+            (is_too_much || waiting.bytes >= FLUSH_BYTES, is_too_much)
+        });
+        if is_much {
+            self.desk.bell.notify_one();
+        }
+        if is_too_much {
+            tracing::warn!(
+                "the recording {} ends here: the disk does not keep up; the run goes on",
+                self.path.display()
+            );
         }
     }
 
     /// Whether items are still written, as far as is known.
     pub(super) fn goes_on(&self) -> bool {
-        self.items.is_some()
+        self.desk.change(|waiting| !waiting.has_ended && !waiting.is_over)
     }
 
     /// Waits until all is written, and says how much that is.
     pub(super) fn end(mut self) {
-        self.items = None;
+        self.desk.change(|waiting| waiting.is_over = true);
+        self.desk.bell.notify_one();
         // A panic in the thread has been reported by it.
         let size = self.thread.take().and_then(|thread| thread.join().ok()).flatten();
         if let Some(bytes) = size {
@@ -109,23 +166,13 @@ struct Written {
 
 impl Written {
     /// Writes until nothing more is to come; the file's size, or `None` where it ended before.
-    fn write_all(mut self, items: &Receiver<Item>, named: &str) -> Option<u64> {
-        let mut due = Instant::now() + FLUSH_EVERY;
+    fn write_all(mut self, desk: &Desk, named: &str) -> Option<u64> {
         loop {
-            let is_over = match items.recv_timeout(due.saturating_duration_since(Instant::now())) {
-                Ok(item) => {
-                    self.add(item);
-                    false
-                }
-                Err(RecvTimeoutError::Timeout) => false,
-                Err(RecvTimeoutError::Disconnected) => true,
-            };
-            if !is_over && Instant::now() < due && self.writer.waiting_bytes() < FLUSH_BYTES {
-                continue;
-            }
+            let (items, is_over) = desk.take(Instant::now() + FLUSH_EVERY);
+            items.into_iter().for_each(|item| self.add(item));
             match self.writer.flush() {
                 Ok(size) if is_over => return Some(size),
-                Ok(_) => due = Instant::now() + FLUSH_EVERY,
+                Ok(_) => {}
                 Err(error) => {
                     tracing::warn!(
                         "the recording {named} ends here: {error}; what was written is whole, the run goes on"

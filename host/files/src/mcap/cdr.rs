@@ -9,6 +9,9 @@ pub struct Cdr(Vec<u8>);
 /// Says that little-endian plain CDR follows.
 const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 
+/// Room for most messages, so that they need not move as they grow, bytes.
+const ROOM: usize = 128;
+
 impl Default for Cdr {
     fn default() -> Self {
         Self::new()
@@ -19,19 +22,22 @@ impl Cdr {
     /// An empty message.
     #[must_use]
     pub fn new() -> Self {
-        Self(ENCAPSULATION.to_vec())
+        let mut bytes = Vec::with_capacity(ROOM);
+        bytes.extend_from_slice(&ENCAPSULATION);
+        Self(bytes)
     }
 
     /// Places count from behind the encapsulation.
     fn aligned(mut self, size: usize) -> Self {
-        let behind = (self.0.len() - ENCAPSULATION.len()).next_multiple_of(size);
-        self.0.resize(ENCAPSULATION.len() + behind, 0);
+        while !(self.0.len() - ENCAPSULATION.len()).is_multiple_of(size) {
+            self.0.push(0);
+        }
         self
     }
 
     fn number<const N: usize>(self, bytes: [u8; N]) -> Self {
         let mut aligned = self.aligned(N);
-        aligned.0.extend(bytes);
+        aligned.0.extend_from_slice(&bytes);
         aligned
     }
 

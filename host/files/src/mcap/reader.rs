@@ -8,10 +8,10 @@ use std::io::{self, BufReader, Read};
 use std::path::Path;
 
 use super::record::{Fields, HEAD_BYTES, MAGIC, checked_texts, op, split};
-use super::writer::{Channel, LZ4};
+use super::writer::{Channel, ZSTD};
 
-/// The compression of other tools' chunks.
-const ZSTD: &str = "zstd";
+/// The compression of older chunks, and of other tools'.
+const LZ4: &str = "lz4";
 
 /// Longest record that is read, bytes: a chunk of a second takes well under a megabyte.
 const RECORD_BYTES_MAX: u64 = 1 << 30;
@@ -285,7 +285,7 @@ pub(super) fn unpacked(content: &[u8], at: u64) -> Result<Vec<u8>, McapError> {
             decoder.take(length.min(RECORD_BYTES_MAX)).read_to_end(&mut records).map_err(|_| damaged())?;
         }
         ZSTD => {
-            let decoder = ruzstd::decoding::StreamingDecoder::new(packed).map_err(|_| damaged())?;
+            let decoder = zstd::stream::read::Decoder::with_buffer(packed).map_err(|_| damaged())?;
             decoder.take(length.min(RECORD_BYTES_MAX)).read_to_end(&mut records).map_err(|_| damaged())?;
         }
         other => return Err(McapError::Compression { at, compression: other.to_owned() }),

@@ -32,6 +32,16 @@ pub(super) mod op {
 pub(super) struct Built(Vec<u8>);
 
 impl Built {
+    /// Goes on behind these bytes.
+    pub(super) fn behind(bytes: Vec<u8>) -> Self {
+        Self(bytes)
+    }
+
+    /// All of it.
+    pub(super) fn into_bytes(self) -> Vec<u8> {
+        self.0
+    }
+
     pub(super) fn u16(mut self, value: u16) -> Self {
         self.0.extend(value.to_le_bytes());
         self
