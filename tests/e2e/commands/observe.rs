@@ -463,6 +463,42 @@ fn the_part_that_was_pushed_is_named() {
     check(&named["estimate"], &played);
 }
 
+#[test]
+fn the_part_that_was_pushed_is_named_from_a_library() {
+    let (folder, played) = (tempfile::tempdir().unwrap(), pushed());
+    let library = folder.path().join("library");
+    std::fs::create_dir(&library).unwrap();
+    std::fs::copy(example("part.toml"), library.join("part.toml")).unwrap();
+    // The library has no other kind of file.
+    std::fs::write(library.join("README"), "parts").unwrap();
+    for (number, side) in [20, 30, 45, 70].into_iter().enumerate() {
+        let square =
+            format!("unit = 'mm'\nmu = 0.25\nvertices = [[0, 0], [{side}, 0], [{side}, {side}], [0, {side}]]\n");
+        std::fs::write(library.join(format!("square-{number}.toml")), square).unwrap();
+    }
+    let table = folder.path().join("forces.csv");
+    std::fs::write(&table, forces(&played, 1.5, 0.003)).unwrap();
+    let which = |library: &Path, more: &[&str]| {
+        let mut command = palpate(&["which-part", "--library"]);
+        command.arg(library).arg("--motion").arg(example("motion.toml")).args(more).arg(&table).output().unwrap()
+    };
+    let answer = last_answer(&which(&library, &["--json"]));
+    let named = &answer["parts"][0];
+    assert!(named["part"].as_str().unwrap().ends_with("part.toml"), "{answer}");
+    assert!(named["probability"].as_f64().unwrap() > 0.99, "{answer}");
+    check(&named["estimate"], &played);
+    // Each part is searched or said to be left out.
+    let [searched, left_out] = ["parts", "left_out"].map(|list| answer[list].as_array().unwrap());
+    assert_eq!(searched.len() + left_out.len(), 5, "{answer}");
+    assert!(!left_out.is_empty() && left_out.iter().all(|part| part["misfit"].as_f64().unwrap() > 10.0), "{answer}");
+    let said = text(&which(&library, &[]).stdout);
+    assert_fits_a_terminal(&said);
+    assert!(unfolded(&said).contains(&format!("Left out are {} of 5 parts", left_out.len())), "{said}");
+    let nothing = which(&folder.path().join("none"), &[]);
+    assert_eq!(nothing.status.code(), Some(1));
+    assert!(unfolded(&text(&nothing.stderr)).contains("cannot use the library"), "{}", text(&nothing.stderr));
+}
+
 /// The table with every force multiplied.
 fn multiplied(table: &str, by: f64) -> String {
     let (heading, rows) = table.split_once('\n').unwrap();

@@ -167,34 +167,58 @@ fn switches_that_change_name_each_part_once_they_settle() {
     assert!(!output.status.success(), "{}", text(&output.stdout));
 }
 
+/// What a command tells, as JSON, of a simulated board that is given these orders and then switched off.
+#[cfg(unix)]
+fn told_of_a_board(folder: &Path, orders: &str, arguments: &[&str]) -> Vec<Value> {
+    let link = folder.join("finger");
+    let spawn = |arguments: &[&str]| {
+        let mut command = Command::new(PALPATE);
+        command.args(arguments).current_dir(folder).env_remove("PALPATE_DEVICE");
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap()
+    };
+    let mut device = spawn(&["simulate-device", "--link", path(&link)]);
+    device.stdin.take().unwrap().write_all(format!("{orders}quit\n").as_bytes()).unwrap();
+    while !link.exists() {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    let reader = spawn(&[arguments, &["-d", path(&link), "--json"]].concat());
+    device.wait().unwrap();
+    // It would wait for the board to come back.
+    crate::progress::interrupt(&reader);
+    let told = text(&reader.wait_with_output().unwrap().stdout);
+    told.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|_| panic!("{line}"))).collect()
+}
+
 /// The same by the digital inputs of a simulated board, which run through the whole protocol.
 #[cfg(unix)]
 #[test]
 fn a_boards_inputs_name_parts() {
     let folder = tempfile::tempdir().unwrap();
-    let (plan, link) = (plan(folder.path(), &[]), folder.path().join("finger"));
+    let plan = plan(folder.path(), &[]);
     let levels = |outline: usize| -> String {
         plan["signatures"][outline].as_array().unwrap().iter().rev().map(ToString::to_string).collect()
     };
-    // The first wait is for the program that reads to be there.
     let changes: String = (0..4).map(|outline| format!("wait 1\ninputs {:0>8}\n", levels(outline))).collect();
-    let spawn = |arguments: &[&str]| {
-        let mut command = Command::new(PALPATE);
-        command.args(arguments).current_dir(folder.path());
-        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap()
-    };
-    let mut device = spawn(&["simulate-device", "--link", path(&link)]);
-    let mut orders = device.stdin.take().unwrap();
-    orders.write_all(format!("wait 4\n{changes}wait 1\nquit\n").as_bytes()).unwrap();
-    while !link.exists() {
-        std::thread::sleep(std::time::Duration::from_millis(10));
-    }
-    let reader = spawn(&["sample", "--decode", "plan.json", "-d", path(&link), "--json"]);
-    device.wait().unwrap();
-    // It would wait for the board to come back.
-    crate::progress::interrupt(&reader);
-    let told = text(&reader.wait_with_output().unwrap().stdout);
-    let told: Vec<Value> = told.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    // The first wait is for the program that reads to be there.
+    let orders = format!("wait 4\n{changes}wait 1\n");
+    let told = told_of_a_board(folder.path(), &orders, &["sample", "--decode", "plan.json"]);
     let names: Vec<_> = told.iter().filter_map(|told| told["name"].as_str()).collect();
     assert!(names.ends_with(&NAMES), "{told:?}");
+}
+
+/// When the board was started a part is further back by so much time, s: the program that reads has to be there.
+#[cfg(unix)]
+const BEFORE_S: f64 = 8.0;
+
+/// And place them, on the board's clock.
+#[cfg(unix)]
+#[test]
+fn a_boards_inputs_place_a_part() {
+    let (folder, start) = (tempfile::tempdir().unwrap(), at(-150.0, -10.0, 30.0));
+    let orders = changes(&["-150,-10,30"], &["--orders-after", &BEFORE_S.to_string()]);
+    let (part, beams) = (example("part.toml"), example("passing.toml"));
+    let words = ["inscribe", path(&part), "--passing", path(&beams)];
+    let told = told_of_a_board(folder.path(), &orders, &words);
+    let [only] = &told[..] else { panic!("{told:?}") };
+    assert_placed(only, Isometry2::translation(-0.12 * BEFORE_S, 0.0) * start);
 }

@@ -128,8 +128,9 @@ line WORDS               break the line, both ways; one or more of: none,
                          frame), stall P MS, delay MS, pieces (reads cut
                          anywhere), unplug S, restart S (once in S seconds)
 counts                   what was injected on the line so far
-inputs LEVELS            set the board's digital inputs: eight digits 0 or 1,
-                         input 7 first
+inputs LEVELS [at SECONDS]   set the board's digital inputs: eight digits 0
+                         or 1, input 7 first; at a time since the start
+                         exactly, or now, some milliseconds late
 unplug | plug            pull the cable, plug it in again
 restart                  switch off and on
 truth (or nothing)       what presses now
@@ -211,8 +212,8 @@ enum Order {
     Load(Load),
     Faults(Faults),
     LinkFaults(LinkFaults),
-    /// A bit for each input.
-    Inputs(u8),
+    /// A bit for each input, and from when on, s since the device was started.
+    Inputs(u8, Option<f64>),
     Counts,
     Unplug,
     PlugIn,
@@ -244,7 +245,8 @@ impl Order {
             ["sweep", from, to, seconds, force] => Self::Load(sweep(from, to, seconds, force)?),
             ["fault", words @ ..] => Self::Faults(faults(words)?),
             ["line", words @ ..] => Self::LinkFaults(link_faults(words)?),
-            ["inputs", levels] => Self::Inputs(input_levels(levels)?),
+            ["inputs", levels] => Self::Inputs(input_levels(levels)?, None),
+            ["inputs", levels, "at", seconds] => Self::Inputs(input_levels(levels)?, Some(exact_time_s(seconds)?)),
             ["counts"] => Self::Counts,
             _ => return Err(format!("cannot read `{line}`; `help` lists the orders")),
         })
@@ -295,6 +297,12 @@ fn bearable(newtons: f32) -> Result<f32, String> {
 
 fn angle(word: &str) -> Result<f32, String> {
     Ok(at_most(number(word)?, ANGLE_MAX_DEG, "the angle in degrees")?.to_radians())
+}
+
+/// The same to the microsecond, for which single precision is too coarse.
+fn exact_time_s(word: &str) -> Result<f64, String> {
+    time_s(word)?;
+    word.parse().map_err(|_| format!("`{word}` is not a number"))
 }
 
 fn time_s(word: &str) -> Result<f32, String> {
@@ -476,7 +484,15 @@ fn carry_out(device: &SimulatedDevice, order: Order) -> io::Result<String> {
             return device.set_course(course).map(|moment| from_now_on(&moment, &what));
         }
         Order::Faults(faults) => device.set_faults(faults)?,
-        Order::Inputs(levels) => device.set_inputs(levels)?,
+        Order::Inputs(levels, None) => device.set_inputs(levels)?,
+        Order::Inputs(levels, Some(at)) => {
+            let moment = device.now()?;
+            let now = elapsed_s(&moment);
+            if at < now {
+                return Ok(format!("{at} s have passed: it is {now:.3} s since the device was started"));
+            }
+            device.set_inputs_at(at, levels)?
+        }
         Order::LinkFaults(faults) => device.set_link_faults(faults)?,
         Order::Counts => return device.injected().map(|injected| injected_in_words(&injected)),
         Order::Unplug => device.unplug()?,
@@ -502,9 +518,13 @@ fn injected_in_words(injected: &InjectedOnLink) -> String {
     format!("{to_host}. {to_device}. {} times unplugged, {} restarts", injected.unplugged, injected.restarted)
 }
 
+/// Time since the device was started, s.
+fn elapsed_s(moment: &SimulatedMoment) -> f64 {
+    moment.truth.time_ns as f64 * 1e-9
+}
+
 /// Waits until so much of the device's time has passed.
 fn wait(device: &SimulatedDevice, seconds: f64) -> io::Result<SimulatedMoment> {
-    let elapsed_s = |moment: &SimulatedMoment| moment.truth.time_ns as f64 * 1e-9;
     let mut moment = device.now()?;
     let until_s = elapsed_s(&moment) + seconds;
     while elapsed_s(&moment) < until_s && !interrupt::requested() {
@@ -560,7 +580,8 @@ mod tests {
         assert!((contact.angle - std::f32::consts::FRAC_PI_2).abs() < 1e-6);
         assert!((contact.friction_angle.tan() - 0.2).abs() < 1e-6);
         assert_eq!(Order::parse("  unplug "), Ok(Order::Unplug));
-        assert_eq!(Order::parse("inputs 10000101"), Ok(Order::Inputs(0x85)));
+        assert_eq!(Order::parse("inputs 10000101"), Ok(Order::Inputs(0x85, None)));
+        assert_eq!(Order::parse("inputs 10000101 at 3600.000125"), Ok(Order::Inputs(0x85, Some(3600.000_125))));
         assert!(Order::parse("inputs 1000010").is_err() && Order::parse("inputs 2000010x").is_err());
         assert_eq!(Order::parse("force 1 -2.5"), Ok(Order::Load(Load::Force([1.0, -2.5]))));
     }

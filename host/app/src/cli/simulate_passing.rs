@@ -17,8 +17,7 @@ use super::touch_world::pose_mm;
 /// Tells what light barriers and turning beams would tell of parts that are carried past them.
 ///
 /// Prints lines `T ID 0|1` for `palpate inscribe PART.toml --passing BEAMS.toml`; or, with --orders-after, orders for the inputs
-/// of `palpate simulate-device`. Times have the errors that the file states; orders act some milliseconds late beside: state
-/// time_sigma_ms accordingly.
+/// of `palpate simulate-device`, which sees them to a quarter of a millisecond. Times have the errors that the file states.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// The part file
@@ -77,14 +76,14 @@ fn orders(all: &[BeamChange], file: &PassingFile, after: f64) -> miette::Result<
             "id = {id} is no input: a board has {BOARD_INPUTS}"
         ));
     }
-    let (mut levels, mut before) = (0_u8, -after);
+    let (mut levels, mut last) = (0_u8, after);
     for BeamChange { time, beam, is_covered } in all {
         let bit = 1 << (file.ids[*beam] - 1);
         levels = if *is_covered { levels | bit } else { levels & !bit };
-        say!("wait {:.6}", time - before);
-        say!("inputs {levels:08b}");
-        before = *time;
+        last = after + time;
+        say!("inputs {levels:08b} at {last:.6}");
     }
-    say!("wait 1");
+    // The device ends with its orders.
+    say!("wait {:.3}", last + 1.0);
     Ok(())
 }

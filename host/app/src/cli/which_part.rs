@@ -6,30 +6,38 @@ use std::process::ExitCode;
 
 use palpate::pushing::dynamics::Part;
 use palpate::pushing::estimation;
-use palpate::pushing::estimation::{Estimate, Observer as _, PartEstimate, from_rest};
+use palpate::pushing::estimation::from_rest::WindowedForce;
+use palpate::pushing::estimation::{Estimate, Observer as _, PartEstimate, Shortlist, from_rest};
 use palpate_files::part::PolygonFile;
 use serde_json::json;
 
 use super::lacking;
+use super::library::part_files;
 use super::misfit;
 use super::pose;
 use super::read::{read_beside, tell_part};
-use super::watched_push::{MotionArgument, WatchedPushArguments, Watching};
+use super::watched_push::{MotionArgument, WatchedPush, WatchedPushArguments, Watching};
+use crate::progress::{self, Progress};
 use crate::recording::{self, Believed, Seen};
 
 /// Names which of several known parts a finger has begun to push, and where it is.
 ///
-/// Takes the files of `palpate observe` and several part files. A part file may list several supports (`[[support]]`,
-/// with a name and feet each) instead of `feet`: then what the part stands on is named too. Every part is as likely
-/// beforehand; how likely it is none of them is told beside, by how well the best one fits.
+/// Takes the files of `palpate observe` and several part files, or with --library a folder of them. A part file may list several
+/// supports (`[[support]]`, with a name and feet each) instead of `feet`: then what the part stands on is named too. Every
+/// part is as likely beforehand; how likely it is none of them is told beside, by how well the best one fits. Of a folder
+/// only the parts are searched that come near after a few steps; it is told which are left out.
 ///
 /// Exit status: 0, also where no part explains the force; 1 if something cannot be used, 3 if samples of the push were no
 /// measurements (saturated, stuck, settling) or the device started anew, 64 wrong command line.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// A part file; once for each part that it may be
-    #[arg(long = "part", value_name = "PART.toml", required = true)]
+    #[arg(long = "part", value_name = "PART.toml", required_unless_present = "library")]
     parts: Vec<PathBuf>,
+
+    /// A folder of part files: whatever ends in .toml. Each part takes some seconds
+    #[arg(long, value_name = "DIR", conflicts_with = "parts")]
+    library: Option<PathBuf>,
 
     #[command(flatten)]
     motion: MotionArgument,
@@ -48,8 +56,11 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let push = arguments.push.watch(&arguments.motion.file, Watching::TO_ITS_END, &mut |push| push.until_over())?;
     let force = push.force()?;
     let tally = push.watch.tally();
-    let known = candidates.iter().map(|candidate| push.known(&candidate.file));
-    let ranked = estimation::which_part(known.map(|known| (known.part, known.estimate(&force))));
+    let shortlist = arguments.shortlist(&candidates, &push, &force);
+    let known = shortlist.kept.iter().map(|&part| push.known(&candidates[part].file));
+    let mut ranked = estimation::which_part(known.map(|known| (known.part, known.estimate(&force))));
+    // By their places among all.
+    ranked.iter_mut().for_each(|ranked| ranked.part = shortlist.kept[ranked.part]);
     ranked.iter().for_each(|ranked| {
         let (part, estimate) = (ranked.part, &ranked.estimate);
         let known = push.known(&candidates[part].file);
@@ -59,11 +70,27 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     if arguments.json {
         let mut told = as_json(&candidates, &ranked);
         told["samples"] = lacking::as_json(&tally);
+        if arguments.library.is_some() {
+            let left_out = shortlist.left_out.iter();
+            told["left_out"] = left_out
+                .map(|&(part, misfit)| json!({ "part": candidates[part].path.display().to_string(), "misfit": misfit }))
+                .collect();
+        }
         say!("{told}");
         return Ok(lacking::status(&tally));
     }
-    for part in &ranked {
+    // Of hundreds those that are possible.
+    let shown = ranked.iter().filter(|part| arguments.library.is_none() || part.probability > 0.0);
+    for part in shown {
         say!("{:6.3}  {}", part.probability, candidates[part.part]);
+    }
+    if let Some(&(nearest, misfit)) = shortlist.left_out.first() {
+        let (left_out, all) = (shortlist.left_out.len(), candidates.len());
+        say!(
+            "Left out are {left_out} of {all} parts, none of which comes near after a few steps: they misfit at least \
+             {misfit:.0} times as badly as noise allows ({}).",
+            candidates[nearest]
+        );
     }
     let Some(first) = ranked.first().filter(|first| first.probability > 0.0) else {
         say!("None of these parts explains what was felt.");
@@ -114,10 +141,31 @@ impl fmt::Display for Candidate {
 }
 
 impl Arguments {
+    /// The candidates that are searched: of a library those that come near, of parts named one by one all.
+    fn shortlist(&self, candidates: &[Candidate], push: &WatchedPush, force: &WindowedForce) -> Shortlist {
+        if self.library.is_none() {
+            return Shortlist { kept: (0..candidates.len()).collect(), left_out: Vec::new() };
+        }
+        let _progress = Progress::begin("looking which parts come near");
+        let misfits: Vec<_> = candidates
+            .iter()
+            .zip(0..)
+            .map(|(candidate, done)| {
+                progress::reached(done, candidates.len() as u64, &candidate.to_string());
+                from_rest::coarse_misfit(&push.known(&candidate.file), force)
+            })
+            .collect();
+        Shortlist::new(&misfits)
+    }
+
     fn candidates(&self) -> miette::Result<Vec<Candidate>> {
         let mut all = Vec::new();
-        for (number, path) in self.parts.iter().enumerate() {
-            if self.parts[..number].contains(path) {
+        let parts = match &self.library {
+            Some(folder) => part_files(folder)?.into_values().collect(),
+            None => self.parts.clone(),
+        };
+        for (number, path) in parts.iter().enumerate() {
+            if parts[..number].contains(path) {
                 let help = "give each part once: twice it would count as two parts that nothing tells apart";
                 return Err(miette::miette!(help = help, "{} is given twice", path.display()));
             }

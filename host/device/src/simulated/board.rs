@@ -1,6 +1,7 @@
 //! The thread that is the device: the world's clock, the board's interrupt and main loop, and the line.
 
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError};
 use std::time::{Duration, Instant};
 
@@ -73,6 +74,8 @@ pub(super) enum Control {
     Course(CarriedCourse, Sender<SimulatedMoment>),
     Faults(Faults, Sender<SimulatedMoment>),
     Inputs(u8, Sender<SimulatedMoment>),
+    /// From a time on, on the world's clock, in ns.
+    InputsAt(u64, u8, Sender<SimulatedMoment>),
     LinkFaults(LinkFaults, Sender<SimulatedMoment>),
     Injected(Sender<InjectedOnLink>),
     Now(Sender<SimulatedMoment>),
@@ -106,6 +109,7 @@ fn run_with<const CHANNELS: usize>(config: &Config, outlet: Outlet, orders: &Rec
     front_end.borrow_mut().set_faults(config.faults);
     let mut finger = CarriedBeam::new(config.finger.beam, config.carried);
     let mut outlet = TroubledOutlet::new(outlet, config.link_faults, config.seed);
+    let mut inputs_due = BTreeMap::new();
     let mut restarts = 0;
     let mut asked: Option<Sender<SimulatedMoment>> = None;
     loop {
@@ -116,6 +120,7 @@ fn run_with<const CHANNELS: usize>(config: &Config, outlet: Outlet, orders: &Rec
             started_ns: front_end.borrow().truth().time_ns,
             front_end: &front_end,
             finger: &mut finger,
+            inputs_due: &mut inputs_due,
             sampler: Sampler::new(Ads131m::<_, CHANNELS>::new(SimulatedOnly::new(&front_end)), sampler_end, settings),
             device: Device::new(identity(config, restarts), device_end),
             conversions: 0,
@@ -227,6 +232,8 @@ struct Board<'w, const CHANNELS: usize> {
     looked_at: DeviceTime,
     /// Device time of the last temperature sent.
     temperature_at: DeviceTime,
+    /// What the inputs change to, by the world's time in ns; over restarts too, of which light barriers know nothing.
+    inputs_due: &'w mut BTreeMap<u64, u8>,
     /// What happens to the finger, and the world's time at which that began, in ns.
     course: Option<(CarriedCourse, u64)>,
     /// Who carries the finger while no course does.
@@ -339,6 +346,10 @@ impl<const CHANNELS: usize> Board<'_, CHANNELS> {
                 front_end.set_inputs(levels);
                 sender
             }
+            Control::InputsAt(time_ns, levels, sender) => {
+                self.inputs_due.insert(time_ns, levels);
+                sender
+            }
             Control::LinkFaults(faults, sender) => {
                 outlet.set_faults(faults, now_us);
                 sender
@@ -425,6 +436,7 @@ impl<const CHANNELS: usize> Board<'_, CHANNELS> {
     fn convert(&mut self) {
         self.conversions += 1;
         let data_ready = self.follow_course();
+        self.set_due_inputs();
         let now = self.now();
         if data_ready {
             self.sampler.data_ready(now);
@@ -455,6 +467,16 @@ impl<const CHANNELS: usize> Board<'_, CHANNELS> {
             self.course = None;
         }
         data_ready
+    }
+
+    /// Sets the inputs as they are due by now.
+    fn set_due_inputs(&mut self) {
+        let mut front_end = self.front_end.borrow_mut();
+        while let Some(due) = self.inputs_due.first_entry()
+            && *due.key() <= front_end.truth().time_ns
+        {
+            front_end.set_inputs(due.remove());
+        }
     }
 
     /// What the board's temperature sensor does once a second.

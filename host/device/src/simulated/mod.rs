@@ -297,6 +297,17 @@ impl SimulatedDevice {
         self.ask(|answer| Control::Inputs(levels, answer))
     }
 
+    /// Sets them from a time on, s since the device was started; at once where that has passed. The first conversion from
+    /// then on sees it: orders that come one by one act some milliseconds late.
+    ///
+    /// # Errors
+    /// If the device has ended.
+    pub fn set_inputs_at(&self, seconds: f64, levels: u8) -> io::Result<SimulatedMoment> {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates before the start")]
+        let time_ns = (seconds * 1e9) as u64;
+        self.ask(|answer| Control::InputsAt(time_ns, levels, answer))
+    }
+
     /// Makes the way to the host worse or better.
     ///
     /// # Errors

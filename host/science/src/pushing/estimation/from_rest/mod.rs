@@ -220,15 +220,7 @@ impl PartUnknown<'_, '_> {
 
 /// Minima all over some edges.
 fn search(problem: &Problem, edges: &[usize], halt: &Halt<'_>) -> Vec<Tried> {
-    let search = |cover: Cover| {
-        let wanted = edges.iter().take_while(|_| !halt.is_wished());
-        let starts = wanted.flat_map(|&edge| match problem.course.start {
-            CourseStart::Rest => seeds::on_edge(problem, edge, cover),
-            CourseStart::Moving => moving_seeds::on_edge(problem, edge, cover),
-        });
-        let starts = starts.collect();
-        descend_all(problem, starts, halt)
-    };
+    let search = |cover: Cover| descend_all(problem, starts(problem, edges, cover, halt), halt);
     let mut tried = search(Cover::Coarse);
     // What nothing explains, though something nearly does, may have its explanation between the guesses.
     let limit = misfit_limit(problem.measured.data().len(), problem.measured.freedom());
@@ -239,6 +231,30 @@ fn search(problem: &Problem, edges: &[usize], halt: &Halt<'_>) -> Vec<Tried> {
     tried.extend(at_other_places(problem, &tried, halt));
     tried.extend(from_other_onsets(problem, &tried, halt));
     tried
+}
+
+/// Guesses all over some edges.
+fn starts(problem: &Problem, edges: &[usize], cover: Cover, halt: &Halt<'_>) -> Vec<Tried> {
+    let wanted = edges.iter().take_while(|_| !halt.is_wished());
+    let starts = wanted.flat_map(|&edge| match problem.course.start {
+        CourseStart::Rest => seeds::on_edge(problem, edge, cover),
+        CourseStart::Moving => moving_seeds::on_edge(problem, edge, cover),
+    });
+    starts.collect()
+}
+
+/// How far a part is from explaining what was felt, as far as the first steps from guesses all over it tell: the least cost
+/// over the largest that noise leaves once in a thousand times. Its minima are lower; [`Shortlist`](super::Shortlist) says by how much.
+#[must_use]
+pub fn coarse_misfit(known: &KnownFromRest, measured: &WindowedForce) -> f64 {
+    let halt = &Halt::new(&never);
+    let edges = symmetry::distinct(known.part, symmetry::order(known.part));
+    let measured = measured.of_contact(known.motion, known.finger);
+    // What is not known of the part counts as noise.
+    let measured = known.errors.map_or(measured.clone(), |errors| measured.roughly(errors.share(known.part)));
+    let problem = Problem { course: &course(known, &measured), measured: &measured, mass: None };
+    let begun = begin_all(&problem, starts(&problem, &edges, Cover::Coarse, halt), halt);
+    least_cost(&begun) / misfit_limit(measured.data().len(), measured.freedom())
 }
 
 /// The best minima that may be listed, or lead to one that is: no two nearer than those that are one in an answer.
@@ -410,14 +426,19 @@ fn course<'p>(known: &KnownFromRest<'p>, measured: &WindowedForce) -> Course<'p>
 /// Goes down from every start, giving up what stays far above the best. Only what came to its minimum before the wish
 /// to halt is kept.
 fn descend_all(problem: &Problem, starts: Vec<Tried>, halt: &Halt<'_>) -> Vec<Tried> {
+    let tried = begin_all(problem, starts, halt).into_iter().take_while(|_| !halt.is_wished());
+    tried.map(|tried| problem.descend(tried, usize::MAX)).collect()
+}
+
+/// The first steps of that, after which what is left is worth being followed.
+fn begin_all(problem: &Problem, starts: Vec<Tried>, halt: &Halt<'_>) -> Vec<Tried> {
     let mut tried = hopeful(starts, HOPELESS_AT_FIRST);
     for (steps, hopeless) in STAGES {
         let going = tried.into_iter().take_while(|_| !halt.is_wished());
         let gone: Vec<_> = going.map(|tried| problem.descend(tried, steps)).collect();
         tried = apart(problem, hopeful(gone, hopeless));
     }
-    let tried = tried.into_iter().take_while(|_| !halt.is_wished());
-    tried.map(|tried| problem.descend(tried, usize::MAX)).collect()
+    tried
 }
 
 /// Those that are not so many times dearer than the best.
