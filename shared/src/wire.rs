@@ -33,7 +33,7 @@ use crate::units::{Counts, DeviceTime, Seq};
 mod decode;
 
 /// The version that this code speaks.
-pub const PROTOCOL: ProtocolVersion = ProtocolVersion { major: 1, minor: 5 };
+pub const PROTOCOL: ProtocolVersion = ProtocolVersion { major: 1, minor: 6 };
 
 /// Bytes of a frame on the front-end's bus, as [`Request::RawFrame`] has it. Of a front-end with longer frames these are
 /// the first; zeros follow them, and what comes in beyond them is left out.
@@ -456,6 +456,8 @@ pub enum Request {
     },
     /// Which matrix do you keep?
     ForceMatrix,
+    /// Answer, then restart into the loader that the chip was made with, for another image over USB. Since version 1.6.
+    EnterLoader,
 }
 
 /// A way to fail on purpose.
@@ -926,6 +928,7 @@ mod tests {
             (Request::SetForceTare { tare: [-5, 6] }, "01ac0210090c"),
             (Request::StreamForces { on: true }, "01ac021101"),
             (Request::ForceMatrix, "01ac0212"),
+            (Request::EnterLoader, "01ac0213"),
         ]
     }
 
@@ -1132,7 +1135,7 @@ mod tests {
     #[test]
     fn names_print_as_a_person_reads_them() {
         assert_eq!(hello().device.to_string(), "70616c706174652d30303031");
-        assert_eq!(format!("{} {}", hello().firmware, PROTOCOL), "0.1.2 1.5");
+        assert_eq!(format!("{} {}", hello().firmware, PROTOCOL), "0.1.2 1.6");
     }
 
     proptest! {

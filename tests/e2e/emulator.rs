@@ -496,6 +496,18 @@ fn a_restart_while_streaming_is_survived_with_all_settings() {
     assert_eq!(session.counts().restarts, 0);
 }
 
+/// The emulator's chip has no loader of its own: the image finds that out after its restart, and goes on.
+#[test]
+fn a_chip_that_has_no_loader_restarts_and_goes_on() {
+    let Some(machine) = tcp_machine() else { return };
+    let mut session = machine.open_simulated();
+    session.start().unwrap();
+    rig::samples(&mut session, 400);
+    session.enter_loader().unwrap();
+    assert_eq!(comes_back(&mut session), RestartReason::Requested);
+    assert_eq!((session.hello().restarts, session.last_fault().unwrap()), (1, None));
+}
+
 #[test]
 fn every_failure_ends_in_a_restart_that_says_why() {
     let Some(machine) = tcp_machine() else { return };

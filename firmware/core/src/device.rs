@@ -97,6 +97,8 @@ pub struct Identity {
 pub enum Order {
     /// Restart the processor.
     Reboot,
+    /// Restart it into the chip's own loader.
+    EnterLoader,
     /// Fail on purpose, in this way.
     Fail(Failure),
 }
@@ -200,7 +202,9 @@ pub struct Device<'q, const OUTBOX: usize> {
     uptime: Option<Uptime>,
     /// When the first call came, until the unasked hello went out.
     hello_due: Option<DeviceTime>,
-    /// `None` on a board that takes no orders.
+    /// Whether the board can restart by itself.
+    takes_restarts: bool,
+    /// `None` on a board that cannot fail on purpose, nor tell of itself.
     board: Option<BoardReport>,
     order: Option<Order>,
     forces: Forces,
@@ -229,14 +233,21 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
             reported_at: DeviceTime(0),
             uptime: None,
             hello_due: None,
+            takes_restarts: false,
             board: None,
             order: None,
             forces: Forces::default(),
         }
     }
 
-    /// The board takes orders ([`Self::take_order`]), and this is what it recorded of its last fault.
+    /// The board takes orders to restart ([`Self::take_order`]).
+    pub fn accept_restarts(&mut self) {
+        self.takes_restarts = true;
+    }
+
+    /// The board takes every order ([`Self::take_order`]), and this is what it recorded of its last fault.
     pub fn accept_orders(&mut self, last_fault: Option<Fault>) {
+        self.accept_restarts();
         self.board = Some(BoardReport { last_fault, health: Health::default() });
     }
 
@@ -412,7 +423,11 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
             Request::LastFault => return Ok(Taken::Answered(Outcome::LastFault(self.board()?.last_fault.clone()))),
             Request::Health => return Ok(Taken::Answered(Outcome::Health(self.board()?.health))),
             Request::Reboot => return self.order(Order::Reboot),
-            Request::Fail { failure } => return self.order(Order::Fail(failure)),
+            Request::EnterLoader => return self.order(Order::EnterLoader),
+            Request::Fail { failure } => {
+                self.board()?;
+                return self.order(Order::Fail(failure));
+            }
             Request::Start => self.check_start()?,
             Request::Stop => RequestKind::Stream(false),
             Request::SetRate { rate_hz } => RequestKind::Apply(self.with_rate(rate_hz)?),
@@ -446,7 +461,9 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
 
     /// Leaves an order for the board.
     fn order(&mut self, order: Order) -> Result<Taken, Refusal> {
-        self.board()?;
+        if !self.takes_restarts {
+            return Err(Refusal::NotOnThisBoard);
+        }
         self.order = Some(order);
         Ok(Taken::Answered(Outcome::Done))
     }

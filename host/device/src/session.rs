@@ -769,6 +769,14 @@ impl Session {
         self.request(Request::Reboot).map(drop)
     }
 
+    /// Restarts the device into its chip's own loader, which speaks DFU over USB and nothing on this link.
+    ///
+    /// # Errors
+    /// As [`Session::request`]; refused by devices that cannot, and by firmware that speaks a protocol before 1.6.
+    pub fn enter_loader(&mut self) -> Result<(), LinkError> {
+        self.request(Request::EnterLoader).map(drop)
+    }
+
     /// Measures the round trip to the device, and with it the offset between the clocks.
     ///
     /// In a recording that has no ping here nothing is measured, and the round trip is 0.
@@ -1471,5 +1479,6 @@ fn in_words(request: Request) -> String {
         Request::StreamForces { on: true } => "to send forces".to_owned(),
         Request::StreamForces { on: false } => "to send no forces".to_owned(),
         Request::ForceMatrix => "for the matrix of its forces".to_owned(),
+        Request::EnterLoader => "to restart into its loader".to_owned(),
     }
 }

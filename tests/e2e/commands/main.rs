@@ -13,6 +13,8 @@ mod contact;
 mod devices;
 #[cfg(unix)]
 mod exported;
+#[cfg(feature = "flash")]
+mod flash;
 #[cfg(all(unix, feature = "foxglove"))]
 mod foxglove;
 mod friction;

@@ -138,6 +138,26 @@ fn a_device_that_restarts_gets_its_settings_back() {
 }
 
 #[test]
+fn a_device_that_is_left_to_its_loader_answers_and_is_silent_until_it_restarts() {
+    let device = rig::device(4, rig::real_line());
+    let mut session = rig::session(&device);
+    session.set_rate(2000).unwrap();
+    session.start().unwrap();
+    rig::samples(&mut session, 100);
+    session.enter_loader().unwrap();
+    rig::wait_for(&mut session, |incoming| matches!(incoming, Incoming::Silent { .. }).then_some(()));
+    assert!(matches!(session.ping(), Err(LinkError::Unanswered { .. })), "a loader knows no ping");
+    device.restart().unwrap();
+    rig::wait_for(&mut session, |incoming| matches!(incoming, Incoming::Restarted(_)).then_some(()));
+    rig::samples(&mut session, 100);
+    assert_eq!(session.hello().rate_hz, 2000);
+    // By its own, as a board that is asked to.
+    session.reboot().unwrap();
+    rig::wait_for(&mut session, |incoming| matches!(incoming, Incoming::Restarted(_)).then_some(()));
+    assert_eq!((session.hello().restart, session.hello().restarts), (RestartReason::Requested, 2));
+}
+
+#[test]
 fn time_goes_on_over_a_restart() {
     let device = rig::device(13, rig::real_line());
     let mut session = rig::session(&device);

@@ -11,7 +11,7 @@
 //! ever waits for another one. None is held off by a lock but for a hand-over at start-up and, where a host uses USB,
 //! for a packet's way in or out of its unit.
 //!
-//! Start-up: `machine` (chip or emulator), `clock`, `pins`, `handover` (what an interrupt owns from then on); what the
+//! Start-up: `machine` (chip or emulator, and the chip's own loader), `clock`, `pins`, `handover` (what an interrupt owns from then on); what the
 //! sampler reads: `front_end`; when something goes wrong: `fault`; how much is in use: `meter` (cycles), `stack`; how warm it
 //! is: `thermometer`.
 
@@ -90,9 +90,13 @@ fn main() -> ! {
 
     // Both are there: nothing has run before.
     let (Some(mut core), Some(board)) = (cortex_m::Peripherals::take(), Peripherals::take()) else { halt() };
-    stack::guard(&core.MPU);
     let before = fault::begin(&board.RCC);
     let machine = Machine::detect(&board.DBGMCU);
+    if before.wants_loader {
+        // Before anything else is set up: the loader takes the chip to be as after a reset.
+        machine.enter_loader((&board.RCC, &board.SYSCFG), &core.SCB);
+    }
+    stack::guard(&core.MPU);
     let clock = machine.clock(clock::start(&board.RCC, &board.FLASH, &board.TIM11), &core.SYST);
     pins::set_up(&board.RCC, (&board.GPIOA, &board.GPIOB, &board.GPIOC), &board.SYSCFG, &board.EXTI);
     time::start(&mut core.SYST, &mut core.SCB, clock.core_hz);
@@ -257,6 +261,7 @@ impl Main {
         if left > ORDER_TICKS {
             match order {
                 Order::Reboot => fault::reboot(),
+                Order::EnterLoader => fault::enter_loader(),
                 Order::Fail(failure) => fault::fail(failure),
             }
         }

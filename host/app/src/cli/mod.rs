@@ -27,6 +27,8 @@ mod demo;
 mod device;
 mod diagnose;
 mod export;
+#[cfg(feature = "flash")]
+mod flash;
 mod follow;
 mod friction;
 mod help;
@@ -119,6 +121,8 @@ enum Command {
     Demo(demo::Arguments),
     Ports(ports::Arguments),
     Info(info::Arguments),
+    #[cfg(feature = "flash")]
+    Flash(flash::Arguments),
     Diagnose(diagnose::Arguments),
     Calibrate(calibrate::Arguments),
     Wave(wave::Arguments),
@@ -210,6 +214,8 @@ where
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Ports(arguments) => ports::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
+        #[cfg(feature = "flash")]
+        Command::Flash(arguments) => flash::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Wave(arguments) => wave::run(&arguments),

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use palpate_firmware_core::ads131m::Ads131m;
+use palpate_firmware_core::device::Order;
 use palpate_firmware_core::sampler::IDLE_US;
 use palpate_firmware_core::{
     ConverterClock, Device, DeviceSettings, Identity, Queues, Sampler, SelectSource, SourceNotPossible,
@@ -124,7 +125,9 @@ fn run_with<const CHANNELS: usize>(config: &Config, outlet: Outlet, orders: &Rec
             course: None,
             robot: config.carried_by.clone(),
             asked: None,
+            is_in_loader: false,
         };
+        board.device.accept_restarts();
         if let Some(asked) = asked.take() {
             answer(&asked, board.moment());
         }
@@ -233,6 +236,8 @@ struct Board<'w, const CHANNELS: usize> {
     robot: Option<SimulatedRobot>,
     /// Strides that a session has still asked for, and where to say that they are done.
     asked: Option<(u32, Sender<SimulatedMoment>)>,
+    /// The chip's own loader has taken over: the line is dead until the next restart.
+    is_in_loader: bool,
 }
 
 impl<const CHANNELS: usize> Board<'_, CHANNELS> {
@@ -264,6 +269,15 @@ impl<const CHANNELS: usize> Board<'_, CHANNELS> {
                 return Ended::Restart(None);
             }
             let heard = self.listen(outlet);
+            // The answer goes out first.
+            if self.device.transmit().is_empty() {
+                match self.device.take_order() {
+                    Some(Order::Reboot) => return Ended::Restart(None),
+                    Some(Order::EnterLoader) => self.is_in_loader = true,
+                    // It takes no other.
+                    Some(Order::Fail(_)) | None => {}
+                }
+            }
             match config.pace {
                 Pace::RealTime => {
                     match self.talk(outlet, &mut line) {
@@ -384,6 +398,9 @@ impl<const CHANNELS: usize> Board<'_, CHANNELS> {
     fn listen(&mut self, outlet: &mut TroubledOutlet) -> bool {
         let mut buffer = [0; 256];
         let length = outlet.read(&mut buffer, self.world_us());
+        if self.is_in_loader {
+            return length > 0;
+        }
         let now = self.now();
         self.device.receive(&buffer[..length], now);
         self.device.poll(now);
@@ -425,6 +442,9 @@ impl<const CHANNELS: usize> Board<'_, CHANNELS> {
     fn convert(&mut self) {
         self.conversions += 1;
         let data_ready = self.follow_course();
+        if self.is_in_loader {
+            return;
+        }
         let now = self.now();
         if data_ready {
             self.sampler.data_ready(now);
