@@ -22,7 +22,7 @@ use crate::recording::checksum;
 ///
 /// The file is a .dfu or ELF file of a release, an ELF file that was built, or bare contents of the flash (.bin). It is
 /// refused where it is damaged, not for this chip or not palpate's; then nothing is erased. SHA256SUMS beside it is
-/// checked if it names the file. What is written is read back. Where the board keeps its matrix of forces stays as it is.
+/// checked if it names the file. What is written is read back.
 ///
 /// Exit status: 0 written and started, 1 not, 64 wrong command line.
 #[derive(Debug, clap::Args)]
