@@ -195,7 +195,7 @@ impl PassingFile {
         let keys: Keys = toml::from_str(text).map_err(|error| PassingFileError::Toml(error.to_string()))?;
         let metres = keys.unit.metres();
         let Numbers(velocity) = keys.velocity;
-        if !velocity.iter().all(|value| value.is_finite()) || velocity == [0.0; 2] {
+        if !velocity.iter().all(|value| value.is_finite()) || velocity.iter().all(|value| *value == 0.0) {
             return Err(PassingFileError::Velocity { velocity });
         }
         let velocity = Vector2::from(velocity) * metres;

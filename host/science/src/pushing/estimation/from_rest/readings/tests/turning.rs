@@ -27,7 +27,10 @@ const OFFSET_S: f64 = 6e-3;
 const STEP_S: f64 = 1.25e-7;
 
 /// A reading every 8 ms.
-const STEPS_A_READING: usize = 64_000;
+const STEPS_A_READING: u32 = 64_000;
+
+/// Of a push: 0.62 s.
+const STEPS: u32 = 4_960_000;
 
 /// Speeds at which frictions have most of their size, m/s: at a contact, and of a foot. Passed before the first reading of
 /// a push that begins as this one does: a world whose friction comes later is another one.
@@ -147,7 +150,7 @@ struct Felt {
 }
 
 fn felt(part: &Part, edge: usize, u: f64, s: f64, most: f64, draw: &mut Draw) -> Felt {
-    let (sigma, until) = (3e-6, 0.62);
+    let sigma = 3e-6;
     let mut world = World::touching(part, edge, u, s);
     let (mut places, mut times, mut angles) = (Vec::new(), Vec::new(), Vec::new());
     let mut readings = Vec::new();
@@ -157,9 +160,8 @@ fn felt(part: &Part, edge: usize, u: f64, s: f64, most: f64, draw: &mut Draw) ->
         let t = 0.01 * f64::from(n);
         // What comes before is known, and what comes after too: the finger alone.
         let mut finger = (Vector2::zeros(), Vector2::zeros());
-        let steps = (t.max(0.0) / 1e-3).round() as usize;
-        for step in 0..steps {
-            let a = acceleration(1e-3 * (step as f64 + 0.5));
+        for step in 0..10 * n.max(0) {
+            let a = acceleration(1e-3 * (f64::from(step) + 0.5));
             finger = (finger.0 + finger.1 * 1e-3 + a * 0.5e-6, finger.1 + a * 1e-3);
         }
         times.push(t - OFFSET_S);
@@ -169,9 +171,8 @@ fn felt(part: &Part, edge: usize, u: f64, s: f64, most: f64, draw: &mut Draw) ->
     for n in -10..0 {
         readings.push(ForceReading { time: 8e-3 * f64::from(n), force: noisy(Vector2::zeros(), NOISE_N) });
     }
-    let count = (until / STEP_S).round() as usize;
-    for step in 0..count {
-        let t = step as f64 * STEP_S;
+    for step in 0..STEPS {
+        let t = f64::from(step) * STEP_S;
         if step % STEPS_A_READING == STEPS_A_READING / 2 {
             let (_, force) = world.forces(part, edge, t, most);
             let on_finger = -force - acceleration(t) * FINGER_KG;
