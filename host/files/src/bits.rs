@@ -175,7 +175,7 @@ mod tests {
         let why = |line| BitChange::parse(line, 3).unwrap_err().to_string();
         assert!(why("1 2").contains("T ID 0|1"));
         assert!(why("x 2 1").contains("`x` is no time") && why("nan 2 1").contains("no time"));
-        assert!(why("1 4 1").contains("points 1 to 3") && why("1 0 1").contains("`0` is no point"));
+        assert!(why("1 4 1").contains("from 1 to 3") && why("1 0 1").contains("`0` is no switch"));
         assert!(why("1 2 on").contains("`on` is no reading"));
         let mut settling = Settling::new(1, DEBOUNCE);
         settling.take(&BitChange { t: 2.0, point: 0, covered: true }).unwrap();

@@ -239,7 +239,7 @@ fn say_what_is_felt(known: &KnownFromRest, sense: &PushSense) -> Option<Estimate
 }
 
 fn reveal(part: &Part, drawn: &Drawn, mu: f64, estimate: &Estimate) {
-    say!("{}\n\n{}", pose::legend(), pose::in_words(part, estimate));
+    say!("{}\n\n{}", pose::legend(part), pose::in_words(part, estimate));
     let Some(truth) = drawn.played.pose(estimate.time_end) else { return };
     let centre = truth * part.centre_of_mass();
     let truth_in_words = format!(

@@ -151,7 +151,7 @@ impl MeasuredPush {
         say!("{}", pose::headings());
         let found: Vec<_> = self.estimate.hypotheses.iter().map(|(_, found)| found).collect();
         pose::lines_of_readings(&file.part, self.felt, &found).iter().for_each(|line| say!("{line}"));
-        say!("{}\n{}", pose::legend(), folded(&self.in_words()));
+        say!("{}\n{}", pose::legend(&file.part), folded(&self.in_words()));
     }
 
     fn in_words(&self) -> String {

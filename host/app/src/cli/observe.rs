@@ -220,7 +220,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let answer = push.conclude(&file).ok_or_else(too_short)?;
     shown.print(&answer, &push.known(&file));
     if !arguments.json {
-        say!("{}\n{}", pose::legend(), pose::in_words(&file.part, &answer.estimate));
+        say!("{}\n{}", pose::legend(&file.part), pose::in_words(&file.part, &answer.estimate));
         if answer.estimate.hypotheses.is_empty() {
             say!("{}", misfit::explain(&push.known(&file), &push.force()?));
         }

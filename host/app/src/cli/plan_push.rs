@@ -102,7 +102,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     }
     say!("{}", pose::headings());
     pose::lines(&file.part, &estimate).iter().for_each(|line| say!("{line}"));
-    say!("{}\n{}", pose::legend(), pose::in_words(&file.part, &estimate));
+    say!("{}\n{}", pose::legend(&file.part), pose::in_words(&file.part, &estimate));
     if estimate.hypotheses.is_empty() {
         say!("{}", misfit::explain(&known, &force));
     }

@@ -35,13 +35,14 @@ pub(super) fn headings() -> String {
 }
 
 /// Below them: what the columns are.
-pub(super) fn legend() -> String {
-    folded(
+pub(super) fn legend(part: &Part) -> String {
+    let of_ellipse = if part.semi_axes().is_some() { "; on an ellipse the eccentric angle there" } else { "" };
+    folded(&format!(
         "felt: up to this time since the push began. p: probability. edge: the one in contact, as in the part file, from 0. \
          x, y, turned: the part's centre of mass, and how far the part is turned. ±: one standard deviation, of the \
          distance and of the angle. at: where on its edge the contact is, counter-clockwise from where the centre of \
-         mass stands over it; on an ellipse the eccentric angle there. µ_c: friction at the finger, ≥ where nothing slipped. µ: friction of the plane.",
-    )
+         mass stands over it{of_ellipse}. µ_c: friction at the finger, ≥ where nothing slipped. µ: friction of the plane.",
+    ))
 }
 
 /// An estimate for a person, a line for each pose.
@@ -365,7 +366,7 @@ mod tests {
         let several = estimate((0..4).flat_map(|_| [hypothesis(0.3, 12.345), hypothesis(0.2, 0.2)]).collect());
         for estimate in [&several, &estimate(vec![])] {
             let mut told = lines(&part(), estimate);
-            told.extend([headings(), legend(), in_words(&part(), estimate)]);
+            told.extend([headings(), legend(&part()), in_words(&part(), estimate)]);
             for line in told.iter().flat_map(|text| text.lines()) {
                 assert!(line.chars().count() <= COLUMNS, "{} columns: {line}", line.chars().count());
             }

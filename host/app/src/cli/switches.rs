@@ -40,7 +40,9 @@ pub(super) fn listen(
     mut take: impl FnMut(Heard) -> Result<(), String>,
 ) -> miette::Result<bool> {
     let is_all = if device.is_given() { from_board(device, count, &mut take)? } else { from_lines(count, &mut take)? };
-    Ok(is_all && take(Heard::Quiet).is_ok())
+    // What is not yet told is told, whatever could not be used.
+    let is_told = take(Heard::Quiet).is_ok();
+    Ok(is_all && is_told)
 }
 
 fn from_lines(count: usize, take: &mut impl FnMut(Heard) -> Result<(), String>) -> miette::Result<bool> {
@@ -97,7 +99,7 @@ fn from_board(
             }
             _ => super::tell(incoming),
         }
-        recording::goes_on()
+        true
     });
     // Whatever ended it, nobody listens any more.
     let stopped = session.stop();

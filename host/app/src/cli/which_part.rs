@@ -96,7 +96,7 @@ fn say_poses(when: &str, candidate: &Candidate, estimate: &Estimate) {
     let part = &candidate.file.part;
     say!("\n{when}:\n{}", pose::headings());
     pose::lines(part, estimate).iter().for_each(|line| say!("{line}"));
-    say!("{}\n{}", pose::legend(), pose::in_words(part, estimate));
+    say!("{}\n{}", pose::legend(part), pose::in_words(part, estimate));
 }
 
 /// A part that it may be.
