@@ -796,7 +796,7 @@ mod tests {
         let reply = |outcome| FromDevice::Reply(Reply { id: CommandId(7), outcome });
         let refused = |refusal| reply(Outcome::Refused(refusal));
         let hello_fields = concat!(
-            "0105000102",
+            "0106000102",
             "70616c706174652d30303031",
             "0a53544d33322d48343035",
             "008345",
@@ -816,7 +816,7 @@ mod tests {
         std::vec![
             (
                 FromDevice::Hello(hello()),
-                "000105000102\
+                "000106000102\
               70616c706174652d303030310a53544d33322d4834303500834500000100a01f20809f49c413000080a038000000"
             ),
             (FromDevice::Block(block()), "01ac02f8c904090201 7e86c206ffffff07"),
@@ -839,7 +839,7 @@ mod tests {
                 "0307041f0883458 30a90a10f",
             ),
             (reply(Outcome::Counters(counters())), "0307050102030405060708090a0b0c"),
-            (refused(Refusal::OtherProtocol { device: PROTOCOL }), "030706000105"),
+            (refused(Refusal::OtherProtocol { device: PROTOCOL }), "030706000106"),
             (refused(Refusal::UnknownRequest), "03070601"),
             (refused(Refusal::RateNotPossible { slowest_hz: 500, fastest_hz: 8000 }), "03070602f403c03e"),
             (refused(Refusal::LinkTooSlow { fastest_hz: 1000 }), "03070603e807"),

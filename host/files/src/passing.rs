@@ -205,7 +205,7 @@ impl PassingFile {
         let (mut beams, mut ids) = (Vec::new(), Vec::new());
         for keys in &keys.barrier {
             let barrier = keys.barrier(metres)?;
-            barrier.ahead(velocity).ok_or(PassingFileError::Along { id: keys.id })?;
+            barrier.front(velocity).ok_or(PassingFileError::Along { id: keys.id })?;
             beams.push(Beam::Barrier(barrier));
             ids.push(keys.id);
         }

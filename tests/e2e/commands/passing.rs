@@ -1,8 +1,8 @@
-//! Parts that are carried past light barriers, and switches that read a plan: lines on standard input and a board's inputs
-//! become poses and names.
+//! Parts that are carried past light barriers, and switches that read a plan: lines on standard input, and a
+//! board's inputs, become poses and names.
 
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 use nalgebra::{Isometry2, Vector2};
@@ -114,7 +114,7 @@ fn lines_of_barriers_that_cannot_be_used_are_told_and_lose_nothing_else() {
 const NAMES: [&str; 4] = ["a", "b", "c", "d"];
 
 /// Two bars across two others, three pieces of each being in no other: a plan may correct a point.
-fn plan(folder: &Path, more: &[&str]) -> (PathBuf, Value) {
+fn plan(folder: &Path, more: &[&str]) -> Value {
     let bar = |name: &str, [x, y]: [i32; 2], [w, h]: [i32; 2]| {
         let corners = format!("[[{x}, {y}], [{}, {y}], [{}, {}], [{x}, {}]]", x + w, x + w, y + h, y + h);
         format!("[[shape]]\nname = '{name}'\nvertices = {corners}\n")
@@ -128,7 +128,7 @@ fn plan(folder: &Path, more: &[&str]) -> (PathBuf, Value) {
     let output = with_lines(folder, &arguments, "");
     assert!(output.status.success(), "{}", text(&output.stderr));
     std::fs::write(folder.join("plan.json"), &output.stdout).unwrap();
-    (folder.join("plan.json"), serde_json::from_slice(&output.stdout).unwrap())
+    serde_json::from_slice(&output.stdout).unwrap()
 }
 
 /// Lines that set all points of a plan to an outline's signature from a time on, each contact bouncing.
@@ -148,7 +148,7 @@ fn readings(plan: &Value, outline: usize, t: f64, stuck: Option<usize>) -> Strin
 #[test]
 fn switches_that_change_name_each_part_once_they_settle() {
     let folder = tempfile::tempdir().unwrap();
-    let (_, plan) = plan(folder.path(), &["--correct", "1"]);
+    let plan = plan(folder.path(), &["--correct", "1"]);
     // From the second round on the first point that reads 1 of the first outline is stuck at 0.
     let stuck = plan["signatures"][0].as_array().unwrap().iter().position(|bit| *bit == 1).unwrap();
     let lines: String = (0..8)
@@ -170,51 +170,31 @@ fn switches_that_change_name_each_part_once_they_settle() {
 /// The same by the digital inputs of a simulated board, which run through the whole protocol.
 #[cfg(unix)]
 #[test]
-fn a_boards_inputs_name_parts_and_place_them() {
+fn a_boards_inputs_name_parts() {
     let folder = tempfile::tempdir().unwrap();
-    let link = folder.path().join("finger");
-    let (_, plan) = plan(folder.path(), &[]);
-    let points = plan["points"].as_array().unwrap().len();
-    let levels = |outline: usize| {
-        (0..points).rev().fold(String::new(), |levels, point| format!("{levels}{}", plan["signatures"][outline][point]))
+    let (plan, link) = (plan(folder.path(), &[]), folder.path().join("finger"));
+    let levels = |outline: usize| -> String {
+        plan["signatures"][outline].as_array().unwrap().iter().rev().map(ToString::to_string).collect()
     };
-    let simulate = |orders: String| {
-        let mut child = Command::new(PALPATE)
-            .args(["simulate-device", "--link", path(&link)])
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut input = child.stdin.take().unwrap();
-        input.write_all(orders.as_bytes()).unwrap();
-        drop(input);
-        while !link.exists() {
-            std::thread::sleep(std::time::Duration::from_millis(10));
-        }
-        child
-    };
-    let told = |arguments: &[&str]| -> Vec<Value> {
+    // The first wait is for the program that reads to be there.
+    let changes: String = (0..4).map(|outline| format!("wait 1\ninputs {:0>8}\n", levels(outline))).collect();
+    let spawn = |arguments: &[&str]| {
         let mut command = Command::new(PALPATE);
-        command.args(arguments).args(["-d", path(&link), "--json"]).current_dir(folder.path());
-        let output = command.output().unwrap();
-        text(&output.stdout)
-            .lines()
-            .map(|line| serde_json::from_str(line).unwrap_or_else(|_| panic!("{line}")))
-            .collect()
+        command.args(arguments).current_dir(folder.path());
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap()
     };
-
-    let orders: String = [0, 1, 2, 3].map(|outline| format!("wait 1\ninputs {:0>8}\n", levels(outline))).concat();
-    let mut device = simulate(format!("wait 3\n{orders}wait 1\nquit\n"));
-    let named = told(&["sample", "--decode", "plan.json"]);
+    let mut device = spawn(&["simulate-device", "--link", path(&link)]);
+    let mut orders = device.stdin.take().unwrap();
+    orders.write_all(format!("wait 4\n{changes}wait 1\nquit\n").as_bytes()).unwrap();
+    while !link.exists() {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    let reader = spawn(&["sample", "--decode", "plan.json", "-d", path(&link), "--json"]);
     device.wait().unwrap();
-    let names: Vec<_> = named.iter().filter_map(|told| told["name"].as_str()).collect();
-    assert!(names.ends_with(&NAMES), "{named:?}");
-
-    let (part, beams) = (example("part.toml"), example("passing.toml"));
-    let mut device = simulate(changes(&["-150,-10,30"], &["--orders-after", "4"]) + "quit\n");
-    let placed = told(&["inscribe", path(&part), "--passing", path(&beams)]);
-    device.wait().unwrap();
-    let [only] = &placed[..] else { panic!("{placed:?}") };
-    assert!(only["parts"][0]["modes"].as_array().is_some_and(|modes| !modes.is_empty()), "{only}");
+    // It would wait for the board to come back.
+    crate::progress::interrupt(&reader);
+    let told = text(&reader.wait_with_output().unwrap().stdout);
+    let told: Vec<Value> = told.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let names: Vec<_> = told.iter().filter_map(|told| told["name"].as_str()).collect();
+    assert!(names.ends_with(&NAMES), "{told:?}");
 }

@@ -12,7 +12,8 @@ use crate::screen::Terminal;
 /// A table of eight rows; so many cases a row take longer than a line of progress waits.
 const TABLE: [&str; 4] = ["tables", "2-noise", "--cases", "3000"];
 
-fn interrupt(child: &Child) {
+/// What Ctrl-C sends.
+pub(super) fn interrupt(child: &Child) {
     kill_process(Pid::from_child(child), Signal::INT).unwrap();
 }
 

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use palpate::inscription::{NoisyReadings, Passage, Passages};
-use palpate_files::bits::BitChange;
+use palpate_files::bits::{BitChange, BitError};
 use palpate_files::passing::PassingFile;
 use palpate_files::views::{NamedPart, Views};
 use serde_json::json;
@@ -58,7 +58,7 @@ impl Line<'_> {
                 // A board tells of inputs that the file does not name.
                 let Some(place) = self.file.place(point + 1) else { return Ok(()) };
                 if t < self.last {
-                    return Err(format!("the time {t} s is before {} s, that of the line before", self.last));
+                    return Err(BitError::Back { t, before: self.last }.to_string());
                 }
                 self.last = t;
                 self.passages.change(place, t, covered);

@@ -357,7 +357,7 @@ impl Arguments {
         };
         let decoded = plan.decode(readings).into_diagnostic()?;
         if self.json {
-            say!("{}", decoded_as_json(&plan, readings, correct));
+            say!("{}", decoded_as_json(&plan, readings, &decoded, correct));
         } else {
             say!("{}", in_words(&plan, &decoded));
         }

@@ -2,6 +2,7 @@
 
 use std::process::ExitCode;
 
+use palpate::point_sampling::Decoded;
 use palpate_files::bits::{Settled, Settling};
 use palpate_files::sampling_plan::{PlanFile, in_words};
 use serde_json::{Value, json};
@@ -51,10 +52,10 @@ impl Told<'_> {
     fn tell(&mut self, Settled { t, readings }: &Settled) {
         // One character for each point of the plan, which is all that can be wrong.
         let Ok(decoded) = self.plan.decode(readings) else { return };
-        let misread: &[usize] = decoded.contradicted.first().map_or(&[], Vec::as_slice);
-        let is_one = decoded.nearest.len() == 1 && misread.len() <= self.live.correct;
+        let misread = misread(&decoded);
+        let is_one = is_certain(&decoded, self.live.correct);
         if self.live.json {
-            let mut told = decoded_as_json(self.plan, readings, self.live.correct);
+            let mut told = decoded_as_json(self.plan, readings, &decoded, self.live.correct);
             told["t"] = json!(t);
             say!("{told}");
         } else if is_one || misread.is_empty() {
@@ -74,13 +75,21 @@ impl Told<'_> {
     }
 }
 
+/// The points that were misread, where it is the first of what is nearest.
+fn misread(decoded: &Decoded) -> &[usize] {
+    decoded.contradicted.first().map_or(&[], Vec::as_slice)
+}
+
+/// Whether it is one, with so many misread points at most.
+fn is_certain(decoded: &Decoded, correct: usize) -> bool {
+    decoded.nearest.len() == 1 && misread(decoded).len() <= correct
+}
+
 /// What readings say, for a program: the name is null where it is not certain with so many misread points at most.
-pub(super) fn decoded_as_json(plan: &PlanFile, readings: &str, correct: usize) -> Value {
-    let Ok(decoded) = plan.decode(readings) else { return Value::Null };
+pub(super) fn decoded_as_json(plan: &PlanFile, readings: &str, decoded: &Decoded, correct: usize) -> Value {
     let nearest: Vec<_> = decoded.nearest.iter().map(|&polygon| plan.name(polygon)).collect();
     let wrong: Vec<Vec<_>> =
         decoded.contradicted.iter().map(|points| points.iter().map(|point| point + 1).collect()).collect();
-    let misread = wrong.first().map_or(0, Vec::len);
-    let name = nearest.first().filter(|_| nearest.len() == 1 && misread <= correct);
+    let name = nearest.first().filter(|_| is_certain(decoded, correct));
     json!({"readings": readings, "name": name, "nearest": nearest, "misread": wrong})
 }

@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use nalgebra::{Isometry2, Vector2};
-use palpate::geometry::SimplePolygon;
+use palpate::geometry::{Pose, SimplePolygon};
 use palpate::inscription::{BeamChange, changes, noisy};
 use palpate::math::random::Draw;
 use palpate_files::passing::PassingFile;
@@ -12,11 +11,14 @@ use palpate_files::views::NamedPart;
 
 use super::not_negative;
 use super::read::{read, read_beside};
+use super::switches::BOARD_INPUTS;
+use super::touch_world::pose_mm;
 
 /// Tells what light barriers and turning beams would tell of parts that are carried past them.
 ///
-/// Prints lines `T ID 0|1` for `palpate inscribe PART.toml --passing BEAMS.toml`; or, with --orders, orders for the inputs of
-/// `palpate simulate-device`. Times have the errors that the file states.
+/// Prints lines `T ID 0|1` for `palpate inscribe PART.toml --passing BEAMS.toml`; or, with --orders-after, orders for the inputs
+/// of `palpate simulate-device`. Times have the errors that the file states; orders act some milliseconds late beside: state
+/// time_sigma_ms accordingly.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// The part file
@@ -26,8 +28,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "BEAMS.toml")]
     passing: PathBuf,
     /// Where a part is at the time 0: of its file's frame x, y in mm and the turn in degrees; once for each part
-    #[arg(long, value_name = "X,Y,DEG", required = true, allow_hyphen_values = true, value_parser = pose)]
-    pose: Vec<Isometry2<f64>>,
+    #[arg(long, value_name = "X,Y,DEG", required = true, allow_hyphen_values = true, value_parser = pose_mm)]
+    pose: Vec<Pose>,
     /// Seed of the errors
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -36,23 +38,13 @@ pub(crate) struct Arguments {
     orders_after: Option<f64>,
 }
 
-/// A pose in mm and degrees.
-fn pose(text: &str) -> Result<Isometry2<f64>, String> {
-    let numbers: Option<Vec<f64>> =
-        text.split(',').map(|word| word.trim().parse().ok().filter(|x: &f64| x.is_finite())).collect();
-    match numbers.as_deref() {
-        Some([x, y, turn]) => Ok(Isometry2::new(Vector2::new(x * 1e-3, y * 1e-3), turn.to_radians())),
-        _ => Err(format!("`{text}` is not three numbers with commas between: x and y in mm, the turn in degrees")),
-    }
-}
-
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let file = read(&arguments.passing, PassingFile::parse)?;
     let part = read_beside(&arguments.part, |text, open| NamedPart::parse_beside("part", text, true, open))?;
     let mut draw = Draw::case(arguments.seed, 0);
     let mut all: Vec<BeamChange> = Vec::new();
     for pose in &arguments.pose {
-        let corners: Vec<_> = part.outline.vertices().iter().map(|corner| pose * corner).collect();
+        let corners: Vec<_> = part.outline.vertices().iter().map(|corner| pose.isometry() * corner).collect();
         // A pose moves the outline by rounding alone, so what was a polygon is one.
         let Ok(placed) = SimplePolygon::new(corners) else { continue };
         let exact = changes(&file.beams, &placed, file.velocity);
@@ -77,9 +69,6 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     }
     Ok(ExitCode::SUCCESS)
 }
-
-/// A board's inputs.
-const BOARD_INPUTS: usize = 8;
 
 fn orders(all: &[BeamChange], file: &PassingFile, after: f64) -> miette::Result<()> {
     if let Some(id) = file.ids.iter().find(|id| **id > BOARD_INPUTS) {

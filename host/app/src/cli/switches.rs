@@ -19,7 +19,7 @@ use crate::recording;
 const QUIET: Duration = Duration::from_millis(500);
 
 /// A board's inputs.
-const BOARD_INPUTS: usize = 8;
+pub(super) const BOARD_INPUTS: usize = 8;
 
 /// What is heard of switches.
 #[derive(Clone, Copy, Debug)]

@@ -17,6 +17,11 @@ use std::ops::Bound;
 
 use nalgebra::{Point2, Vector2};
 
+use super::segment::distance_to_segment;
+
+/// Pieces of an edge at whose middles its distance from another outline is taken.
+const PIECES: u32 = 100;
+
 /// Least extent (the longer side of the bounding box) of a polygon, in metres.
 ///
 /// A nanometre is smaller than anything a finger can feel, so such a polygon has its units wrong; and products of
@@ -186,6 +191,23 @@ impl SimplePolygon {
     pub fn edges(&self) -> impl ExactSizeIterator<Item = (Point2<f64>, Point2<f64>)> + '_ {
         let n = self.vertices.len();
         (0..n).map(move |i| (self.vertices[i], self.vertices[(i + 1) % n]))
+    }
+
+    /// Root mean square distance of this outline from another, along its length, m: by the middles of a hundred pieces of each
+    /// edge.
+    #[must_use]
+    pub fn distance_rms(&self, other: &Self) -> f64 {
+        let (mut sum, mut length) = (0.0, 0.0);
+        for (start, end) in self.edges() {
+            let piece = (end - start).norm() / f64::from(PIECES);
+            for k in 0..PIECES {
+                let at = start + (end - start) * ((f64::from(k) + 0.5) / f64::from(PIECES));
+                let distances = other.edges().map(|(start, end)| distance_to_segment(at, start, end));
+                sum += piece * distances.fold(f64::INFINITY, f64::min).powi(2);
+                length += piece;
+            }
+        }
+        (sum / length).sqrt()
     }
 
     /// The area, m².

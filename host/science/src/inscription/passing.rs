@@ -12,7 +12,7 @@
 //! nothing.
 
 use std::collections::VecDeque;
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use nalgebra::{Point2, Vector2};
 
@@ -68,44 +68,51 @@ pub struct Covered {
 }
 
 impl Barrier {
-    /// Outward normal of the part's front at the beam; none where the part goes along it.
+    /// The beam as the line that the part's front touches first; none where the part goes along it.
     #[must_use]
-    pub fn ahead(&self, velocity: Vector2<f64>) -> Option<f64> {
-        let speed = velocity.norm();
-        let normal = self.direction + FRAC_PI_2;
-        let across = Vector2::new(normal.cos(), normal.sin()).dot(&velocity);
-        (across.abs() > ALONG_RAD * speed).then(|| wrap_angle(if across > 0.0 { normal } else { normal + TAU / 2.0 }))
+    pub fn front(&self, velocity: Vector2<f64>) -> Option<HalfPlane> {
+        let line = self.line(self.direction + FRAC_PI_2);
+        let across = line.normal.dot(&velocity);
+        let ahead = if across > 0.0 { line } else { self.line(line.angle + PI) };
+        (across.abs() > ALONG_RAD * velocity.norm()).then_some(ahead)
+    }
+
+    /// The beam with a normal to one side of it.
+    fn line(&self, normal_angle: f64) -> HalfPlane {
+        HalfPlane { point: self.at, ..HalfPlane::new(normal_angle, 0.0) }
     }
 
     /// The lines that the part's front and rear touch, moved to where it is at a time; none where it goes along the beam.
     #[must_use]
     pub fn fences(&self, covered: &Covered, velocity: Vector2<f64>, time: f64) -> Option<[Fence; 2]> {
-        let ahead = self.ahead(velocity)?;
-        let fence = |normal: f64, at: f64| {
-            let unit = Vector2::new(normal.cos(), normal.sin());
-            let place = self.at + velocity * (time - at);
-            let sigma = self.sigma.hypot(unit.dot(&velocity) * self.time_sigma);
-            Fence { line: HalfPlane::new(normal, unit.dot(&place.coords)), sigma: Some(sigma) }
+        let front = self.front(velocity)?;
+        let sigma = self.sigma.hypot(front.normal.dot(&velocity) * self.time_sigma);
+        let fence = |line: HalfPlane, at: f64| {
+            let line = HalfPlane { point: line.point + velocity * (time - at), ..line };
+            Fence { line, sigma: Some(sigma) }
         };
-        Some([fence(ahead, covered.from), fence(ahead + TAU / 2.0, covered.to)])
+        Some([fence(front, covered.from), fence(self.line(front.angle + PI), covered.to)])
     }
 
     /// When a part covers the beam that at the time 0 is as given; none where it goes along it.
     #[must_use]
     pub fn covered_by(&self, part: &SimplePolygon, velocity: Vector2<f64>) -> Option<Covered> {
-        let ahead = self.ahead(velocity)?;
-        let unit = Vector2::new(ahead.cos(), ahead.sin());
-        let before = |corner: &Point2<f64>| unit.dot(&(self.at - corner)) / unit.dot(&velocity);
-        let times = || part.vertices().iter().map(before);
+        let front = self.front(velocity)?;
+        let times = || part.vertices().iter().map(|corner| -front.beyond(*corner) / front.normal.dot(&velocity));
         Some(Covered { from: times().fold(f64::INFINITY, f64::min), to: times().fold(f64::NEG_INFINITY, f64::max) })
     }
 }
 
 impl TurningBeam {
+    /// The sides of a part in the order in which the beam meets them.
+    fn sides(&self) -> [Side; 2] {
+        if self.rate > 0.0 { [Side::Right, Side::Left] } else { [Side::Left, Side::Right] }
+    }
+
     /// The part's sides as the beam met them, moved to where it is at a time.
     #[must_use]
     pub fn bearings(&self, covered: &Covered, velocity: Vector2<f64>, time: f64) -> [Bearing; 2] {
-        let [first, last] = if self.rate > 0.0 { [Side::Right, Side::Left] } else { [Side::Left, Side::Right] };
+        let [first, last] = self.sides();
         [(covered.from, first), (covered.to, last)].map(|(at, side)| Bearing {
             apex: self.apex + velocity * (time - at),
             angle: wrap_angle(self.phase + self.rate * at),
@@ -117,11 +124,10 @@ impl TurningBeam {
     #[must_use]
     pub fn covered_by(&self, part: &SimplePolygon, velocity: Vector2<f64>, from: f64, to: f64) -> Vec<Covered> {
         let turn = TAU / self.rate.abs();
-        let sides = if self.rate > 0.0 { [Side::Right, Side::Left] } else { [Side::Left, Side::Right] };
         let mut found = Vec::new();
         let mut near = from;
         while near < to {
-            let met = sides.map(|side| self.met(part, velocity, side, near));
+            let met = self.sides().map(|side| self.met(part, velocity, side, near));
             if let [Some(from), Some(to)] = met
                 && from < to
             {
@@ -178,9 +184,7 @@ impl Beam {
     fn time_sd(&self, velocity: Vector2<f64>, bearing_sigma: f64) -> f64 {
         match self {
             Self::Barrier(barrier) => {
-                let across = barrier
-                    .ahead(velocity)
-                    .map_or(f64::INFINITY, |normal| Vector2::new(normal.cos(), normal.sin()).dot(&velocity));
+                let across = barrier.front(velocity).map_or(f64::INFINITY, |front| front.normal.dot(&velocity));
                 (barrier.sigma / across).hypot(barrier.time_sigma)
             }
             Self::Turning(beam) => bearing_sigma / beam.rate.abs(),
@@ -269,7 +273,8 @@ fn evenly<'a, T>(all: &'a [&'a T], most: usize) -> impl Iterator<Item = &'a T> {
 /// Makes passages from beams that change.
 #[derive(Clone, Debug)]
 pub struct Passages {
-    is_barrier: Vec<bool>,
+    /// Places of the barriers in the list.
+    barriers: Vec<usize>,
     debounce: f64,
     beams: Vec<Watched>,
 }
@@ -294,8 +299,8 @@ impl Passages {
     /// Of these beams; one that is free for less than so long, s, bounces.
     #[must_use]
     pub fn new(beams: &[Beam], debounce: f64) -> Self {
-        let is_barrier = beams.iter().map(|beam| matches!(beam, Beam::Barrier(_))).collect();
-        Self { is_barrier, debounce, beams: vec![Watched::default(); beams.len()] }
+        let barriers = (0..beams.len()).filter(|place| matches!(beams[*place], Beam::Barrier(_))).collect();
+        Self { barriers, debounce, beams: vec![Watched::default(); beams.len()] }
     }
 
     /// A beam is covered, or free, from a time on. Times do not go back.
@@ -335,21 +340,21 @@ impl Passages {
 
     /// The next part that every barrier has seen.
     pub fn next_passage(&mut self) -> Option<Passage> {
-        let barriers = || (0..self.beams.len()).filter(|place| self.is_barrier[*place]);
-        let fronts: Vec<_> =
-            barriers().map(|place| Some((place, *self.beams[place].done.front()?))).collect::<Option<_>>()?;
+        let front = |&place: &usize| Some((place, *self.beams[place].done.front()?));
+        let fronts: Vec<_> = self.barriers.iter().map(front).collect::<Option<_>>()?;
         let from = fronts.iter().map(|(_, covered)| covered.from).min_by(f64::total_cmp)?;
         let end = fronts.iter().map(|(_, covered)| covered.to).max_by(f64::total_cmp)?;
         for (place, _) in &fronts {
             self.beams[*place].done.pop_front();
         }
-        let begins =
-            |place: usize| self.beams[place].done.front().map(|covered| covered.from).or(self.beams[place].since);
-        let is_next =
-            (0..self.beams.len()).filter(|place| self.is_barrier[*place]).filter_map(begins).any(|from| from < end);
+        let begins = |place: &usize| {
+            let watched = &self.beams[*place];
+            watched.done.front().map(|covered| covered.from).or(watched.since)
+        };
+        let is_next = self.barriers.iter().filter_map(begins).any(|from| from < end);
         let mut covered = fronts;
         let mut is_crowded = false;
-        for (place, watched) in self.beams.iter_mut().enumerate().filter(|(place, _)| !self.is_barrier[*place]) {
+        for (place, watched) in self.beams.iter_mut().enumerate().filter(|(place, _)| !self.barriers.contains(place)) {
             while watched.done.front().is_some_and(|front| front.to <= end) {
                 let Some(front) = watched.done.pop_front() else { break };
                 // What came before is of no part among the barriers.
@@ -365,9 +370,9 @@ impl Passages {
     /// A barrier that has seen no part while another saw several: its place in the list.
     #[must_use]
     pub fn behind(&self) -> Option<usize> {
-        let barriers = || self.beams.iter().enumerate().filter(|(place, _)| self.is_barrier[*place]);
-        let most = barriers().map(|(_, watched)| watched.done.len()).max()?;
-        barriers().find(|(_, watched)| watched.done.is_empty() && most >= BEHIND).map(|(place, _)| place)
+        let seen = |place: &usize| self.beams[*place].done.len();
+        let most = self.barriers.iter().map(seen).max()?;
+        self.barriers.iter().copied().find(|place| seen(place) == 0 && most >= BEHIND)
     }
 }
 

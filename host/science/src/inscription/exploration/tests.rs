@@ -1,7 +1,6 @@
 use std::f64::consts::TAU;
 
 use super::*;
-use crate::geometry::distance_to_segment;
 use crate::math::random::Draw;
 
 const SIGMA: f64 = 2e-5;
@@ -47,21 +46,6 @@ fn explored(draw: &mut Draw, outline: &SimplePolygon, touches: usize) -> Explora
     exploration
 }
 
-/// Root mean square distance from an outline to another, m.
-fn apart(from: &SimplePolygon, to: &SimplePolygon) -> f64 {
-    let (mut sum, mut count) = (0.0, 0.0);
-    for (start, end) in from.edges() {
-        for k in 0..100 {
-            let at = start + (end - start) * (f64::from(k) + 0.5) / 100.0;
-            let least =
-                to.edges().map(|(start, end)| distance_to_segment(at, start, end)).fold(f64::INFINITY, f64::min);
-            sum += (end - start).norm() * least * least;
-            count += (end - start).norm();
-        }
-    }
-    (sum / count).sqrt()
-}
-
 fn placed(outline: &SimplePolygon, draw: &mut Draw) -> SimplePolygon {
     let pose = nalgebra::Isometry2::new(Vector2::new(0.1, 0.1), draw.uniform(0.0, TAU));
     SimplePolygon::new(outline.vertices().iter().map(|vertex| pose * vertex).collect::<Vec<_>>()).unwrap()
@@ -74,7 +58,7 @@ fn an_unknown_block_is_found_with_its_corners() {
     let truth = placed(&block.unwrap(), &mut draw);
     let found = explored(&mut draw, &truth, 40).outline().unwrap();
     assert_eq!(found.outline.vertices().len(), 4, "{found:?}");
-    assert!(apart(&truth, &found.outline) < 5e-5 && found.sigma() < 5e-5, "{found:?}");
+    assert!(truth.distance_rms(&found.outline) < 5e-5 && found.sigma() < 5e-5, "{found:?}");
 }
 
 #[test]
@@ -83,7 +67,7 @@ fn the_bottom_of_a_notch_that_the_disk_does_not_reach_is_where_its_sides_meet() 
     let notched = [[-0.03, -0.03], [0.03, -0.03], [0.03, 0.02], [0.0, 0.005], [-0.03, 0.02]].map(Point2::from);
     let truth = placed(&SimplePolygon::new(notched).unwrap(), &mut draw);
     let found = explored(&mut draw, &truth, 50).outline().unwrap();
-    assert!(apart(&truth, &found.outline) < 2e-4, "{} in {found:?}", apart(&truth, &found.outline));
+    assert!(truth.distance_rms(&found.outline) < 2e-4, "{} in {found:?}", truth.distance_rms(&found.outline));
 }
 
 /// Cases that are off by more than the bar or than three times what is stated, m. What is stated is a root mean square
@@ -95,7 +79,7 @@ fn missed(seed: u64, outline: impl Fn(&mut Draw) -> SimplePolygon) -> Vec<(usize
         let truth = outline(&mut draw);
         let truth = placed(&truth, &mut draw);
         let found = explored(&mut draw, &truth, 60).outline().unwrap();
-        let off = apart(&truth, &found.outline);
+        let off = truth.distance_rms(&found.outline);
         (off > BAR || off > 3.0 * found.sigma()).then_some((case, off, found.sigma()))
     });
     missed.collect()

@@ -128,7 +128,10 @@ impl Predicted {
         // counts from what the data take it for.
         let shifted = self.numbers.iter().fold(data.clone(), |data, number| {
             let data = data + &number.per_mass * (plain * number.off.predicted);
-            number.carried.as_ref().map_or_else(|| data.clone(), |carried| &data + carried * number.off.felt)
+            match &number.carried {
+                Some(carried) => data + carried * number.off.felt,
+                None => data,
+            }
         });
         let data = &shifted;
         // One standard deviation of each, for a mass near the best.

@@ -205,12 +205,12 @@ impl<'p> Problem<'_, 'p> {
             Some((self.measured.predicted(&path, guess.delay).shape - &predicted.shape) / SHARE_OF_SD)
         };
         let none = || DVector::zeros(predicted.shape.len());
+        let before = std::cell::LazyCell::new(|| self.measured.carried(&self.course.legs));
         let carried = |changed: &Changed| match changed {
             Changed::Part(_) | Changed::Friction(_) => None,
             Changed::Motion(legs) => {
-                let [before, after] = [&self.course.legs, legs].map(|legs| self.measured.carried(legs));
                 // The finger's mass takes its part of what is read.
-                before.zip(after).map(|(before, after)| (before - after) / SHARE_OF_SD)
+                Some((before.as_ref()? - self.measured.carried(legs)?) / SHARE_OF_SD)
             }
         };
         let of = |(changed, &off): (&'p Changed, &NumberOff)| OfNumber {
