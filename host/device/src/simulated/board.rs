@@ -54,6 +54,10 @@ const LOOK_EVERY_US: u32 = IDLE_US;
 /// Conversions before a board listens to its line.
 const START_UP: u32 = 8;
 
+/// How long an order waits for the line to take what is due, in µs of device time: as on the board. A line that is always
+/// behind would let it wait for ever.
+const ORDER_US: u32 = 100_000;
+
 /// Time between two temperatures, in µs of device time.
 const TEMPERATURE_EVERY_US: u32 = 1_000_000;
 
@@ -125,6 +129,7 @@ fn run_with<const CHANNELS: usize>(config: &Config, outlet: Outlet, orders: &Rec
             course: None,
             robot: config.carried_by.clone(),
             asked: None,
+            order: None,
             is_in_loader: false,
         };
         board.device.accept_restarts();
@@ -236,6 +241,8 @@ struct Board<'w, const CHANNELS: usize> {
     robot: Option<SimulatedRobot>,
     /// Strides that a session has still asked for, and where to say that they are done.
     asked: Option<(u32, Sender<SimulatedMoment>)>,
+    /// What the host ordered, and when that was.
+    order: Option<(Order, DeviceTime)>,
     /// The chip's own loader has taken over: the line is dead until the next restart.
     is_in_loader: bool,
 }
@@ -269,14 +276,11 @@ impl<const CHANNELS: usize> Board<'_, CHANNELS> {
                 return Ended::Restart(None);
             }
             let heard = self.listen(outlet);
-            // The answer goes out first.
-            if self.device.transmit().is_empty() {
-                match self.device.take_order() {
-                    Some(Order::Reboot) => return Ended::Restart(None),
-                    Some(Order::EnterLoader) => self.is_in_loader = true,
-                    // It takes no other.
-                    Some(Order::Fail(_)) | None => {}
-                }
+            match self.due_order() {
+                Some(Order::Reboot) => return Ended::Restart(None),
+                Some(Order::EnterLoader) => self.is_in_loader = true,
+                // It takes no other.
+                Some(Order::Fail(_)) | None => {}
             }
             match config.pace {
                 Pace::RealTime => {
@@ -405,6 +409,20 @@ impl<const CHANNELS: usize> Board<'_, CHANNELS> {
         self.device.receive(&buffer[..length], now);
         self.device.poll(now);
         length > 0
+    }
+
+    /// What the host ordered, once its answer has gone out.
+    fn due_order(&mut self) -> Option<Order> {
+        let now = self.now();
+        if let Some(order) = self.device.take_order() {
+            self.order = Some((order, now));
+        }
+        let (order, ordered) = self.order?;
+        if !self.device.transmit().is_empty() && now.since(ordered) < ORDER_US {
+            return None;
+        }
+        self.order = None;
+        Some(order)
     }
 
     /// Takes the samples that a board would have taken by now, up to [`CATCH_UP`] at a time.
