@@ -12,10 +12,11 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
+use nalgebra::Isometry2;
 use palpate_tests::rig::PATIENCE;
 use serde_json::{Value, json};
 
-use crate::observe::{example, forces, pushed};
+use crate::observe::{check_pose, example, forces, pushed};
 use crate::recording::calibrated;
 use crate::serve::{Finger, Serving};
 
@@ -242,10 +243,9 @@ fn a_browser_shows_the_push_of_a_part_and_what_is_amiss() {
     let moved = "Math.hypot(...palpate.last.push.belief.poses[0].centre.map((place, k) => place - window.begun[k]))";
     let moved = browser.value(moved).as_f64().unwrap();
     assert!(moved > 5e-3, "the estimate moved by {moved} m");
-    let truth = played.pose(belief["felt_s"].as_f64().unwrap()).unwrap();
-    let pose = [0, 1].map(|place| belief["poses"][0]["pose"][place].as_f64().unwrap());
-    let distance = (pose[0] - truth.translation.x).hypot(pose[1] - truth.translation.y);
-    assert!(distance < 5e-4, "off by {distance:e} m: {belief}");
+    let pose = [0, 1, 2].map(|place| belief["poses"][0]["pose"][place].as_f64().unwrap());
+    let found = Isometry2::new([pose[0], pose[1]].into(), pose[2]);
+    check_pose(&found, &played, belief["felt_s"].as_f64().unwrap(), &belief);
     assert_eq!(browser.value("document.getElementById('poses').rows.length"), 1);
 
     // Keys: a mark, and a picture that is held still while frames go on.
