@@ -26,6 +26,7 @@ use palpate::finger::Samples;
 use palpate_device::session::SessionOptions;
 use palpate_device::wire_reader::MessageReader;
 use palpate_device::{Address, Incoming, LinkError, Session};
+use palpate_shared::force::ForceMatrix;
 use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
 use palpate_shared::wire::{
     Checks, ClockSource, Command as ToDevice, CommandId, Failure, FaultCause, FromDevice, Health, Outcome, Refusal,
@@ -494,6 +495,22 @@ fn a_restart_while_streaming_is_survived_with_all_settings() {
     assert!(session.hello().streaming);
     rig::samples(&mut session, 400);
     assert_eq!(session.counts().restarts, 0);
+}
+
+/// The emulator's flash cannot be written: the image finds that out by reading back, says so, and goes on.
+#[test]
+fn a_flash_that_takes_nothing_is_told_and_the_device_goes_on() {
+    let Some(machine) = tcp_machine() else { return };
+    let mut session = machine.open_simulated();
+    assert_eq!(session.device_matrix().unwrap(), None);
+    let matrix = ForceMatrix::new([[-37.45e-6, 0.0], [0.0, 37e-6]], [0.0, 0.0]).unwrap();
+    session.request(Request::SetForceMatrix { matrix, checksum: matrix.checksum() }).unwrap();
+    assert_eq!(refusal(session.store_device_matrix(true)), Refusal::NotStored);
+    assert_eq!(session.device_matrix().unwrap(), Some(matrix));
+    // Nothing is kept, and so there is nothing to write.
+    session.store_device_matrix(false).unwrap();
+    stream(&mut session, 800);
+    assert_eq!(session.hello().restarts, 0);
 }
 
 /// The emulator's chip has no loader of its own: the image finds that out after its restart, and goes on.

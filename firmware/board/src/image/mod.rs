@@ -13,10 +13,11 @@
 //!
 //! Start-up: `machine` (chip or emulator, and the chip's own loader), `clock`, `pins`, `handover` (what an interrupt owns from then on); what the
 //! sampler reads: `front_end`; when something goes wrong: `fault`; how much is in use: `meter` (cycles), `stack`; how warm it
-//! is: `thermometer`.
+//! is: `thermometer`; what outlives a restart: `flash`.
 
 mod clock;
 mod fault;
+mod flash;
 mod front_end;
 mod handover;
 mod line;
@@ -35,6 +36,7 @@ use cortex_m_rt::entry;
 use defmt_rtt as _;
 use heapless::spsc::Queue;
 use palpate_firmware_core::device::Order;
+use palpate_firmware_core::store::MatrixStore;
 use palpate_firmware_core::{ConverterClock, Device, DeviceSettings, Identity, Link, Queues, Sampler};
 use palpate_firmware_usb::unit::{self as usb, Usb};
 use palpate_shared::sim::SimulatedFrontEnd;
@@ -42,6 +44,7 @@ use palpate_shared::wire::{Axis, Bridge, Channel, ClockSource, FrontEndKind, Hea
 use stm32f4::stm32f405::Peripherals;
 
 use fault::Watchdog;
+use flash::Sectors;
 use front_end::{Bus, Chip};
 use line::Line;
 use machine::Machine;
@@ -127,10 +130,12 @@ fn main() -> ! {
     let line = line::start(board.USART1, clock.line_divider(), (RECEIVED, TO_SEND), &mut core.NVIC);
     let device = settle(DEVICE, || Device::new(identity, device_end));
     device.accept_orders(before.fault);
+    let store = MatrixStore::new(Sectors::new(board.FLASH, &mut core.DCB, &mut core.DWT));
+    device.accept_store(store.kept());
     let health = Health { stack_bytes: stack::size(), core_hz: clock.core_hz, ..Health::default() };
     let thermometer = Thermometer::start(board.ADC1, &board.ADC_COMMON, &board.RCC, machine);
-    Main { device, line, usb, watchdog, thermometer, health, looked_at: time::ticks(), turned_at: (0, 0), order: None }
-        .serve()
+    let (looked_at, turned_at) = (time::ticks(), (0, 0));
+    Main { device, line, usb, watchdog, store, thermometer, health, looked_at, turned_at, order: None }.serve()
 }
 
 /// Makes something large in a place of its own. Not inlined, so that the stack which that takes is free afterwards.
@@ -158,6 +163,7 @@ struct Main {
     line: Line,
     usb: Option<Usb>,
     watchdog: Watchdog,
+    store: MatrixStore<Sectors>,
     /// `None` where there is nothing to read.
     thermometer: Option<Thermometer>,
     health: Health,
@@ -231,7 +237,17 @@ impl Main {
             self.look();
         }
         self.watchdog.feed();
+        self.keep();
         self.obey(ticks);
+    }
+
+    /// Keeps what the host has the board keep. The chip may stand still meanwhile; the watchdog has just been fed.
+    fn keep(&mut self) {
+        if let Some(matrix) = self.device.take_store() {
+            let before = time::stalled_us();
+            let kept = self.store.keep(matrix);
+            self.device.stored(kept.map(|()| time::stalled_us().wrapping_sub(before)));
+        }
     }
 
     /// Looks at the use of stack and processor, and at the temperature.
