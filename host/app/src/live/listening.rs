@@ -92,6 +92,10 @@ impl ListeningFinger {
                 let judged = self.judge.judge(&samples).collect();
                 self.feel(judged)
             }
+            Some(Incoming::Temperature(_) | Incoming::SlowChannels(_)) => {
+                super::feel_temperature(&self.session, &mut self.judge);
+                Ok(())
+            }
             Some(Incoming::Silent { after }) => {
                 Err(ListenError::NoSamples(format!("none for {:.2} s", after.as_secs_f64())))
             }
@@ -99,14 +103,7 @@ impl ListeningFinger {
             Some(Incoming::Restarted(_) | Incoming::Reconnected { .. }) => {
                 Err(ListenError::NoSamples("the device started anew, or its link did".to_owned()))
             }
-            Some(
-                Incoming::Event(_)
-                | Incoming::Temperature(_)
-                | Incoming::SlowChannels(_)
-                | Incoming::Inputs(_)
-                | Incoming::Force(_),
-            )
-            | None => Ok(()),
+            Some(Incoming::Event(_) | Incoming::Inputs(_) | Incoming::Force(_)) | None => Ok(()),
         }
     }
 
