@@ -23,6 +23,8 @@ use std::time::{Duration, Instant, SystemTime};
 
 use emulator::Serial;
 use palpate::finger::Samples;
+use palpate_device::dfu::simulated::{Faults, Loader};
+use palpate_device::dfu::{self, FirmwareFile};
 use palpate_device::session::SessionOptions;
 use palpate_device::wire_reader::MessageReader;
 use palpate_device::{Address, Incoming, LinkError, Session};
@@ -495,6 +497,19 @@ fn a_restart_while_streaming_is_survived_with_all_settings() {
     assert!(session.hello().streaming);
     rig::samples(&mut session, 400);
     assert_eq!(session.counts().restarts, 0);
+}
+
+/// What the loader would be given: the image's file is taken, and leaves free what the board keeps its matrix in.
+#[test]
+fn the_image_is_one_that_is_put_onto_boards_and_leaves_the_store_free() {
+    let Some((path, _)) = image() else { return };
+    let file = FirmwareFile::read(&std::fs::read(path).expect("the image can be read")).expect("it is taken");
+    let (_, store, behind) = (&file.bytes()[..0x4000], &file.bytes()[0x4000..0xC000], &file.bytes()[0xC000..]);
+    assert!(store.iter().all(|&byte| byte == 0xFF), "sectors 1 and 2");
+    assert!(!behind.is_empty() && behind[0] != 0xFF);
+    let mut loader = Loader::new(2, Faults::default());
+    dfu::flash(&mut loader, &file, |_| ()).expect("a loader in memory takes it");
+    assert!(!loader.erased.iter().any(|at| (0x0800_4000..0x0800_C000).contains(at)), "{:x?}", loader.erased);
 }
 
 /// The emulator's flash cannot be written: the image finds that out by reading back, says so, and goes on.
