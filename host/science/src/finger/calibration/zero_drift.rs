@@ -109,7 +109,7 @@ pub enum ZeroDriftError {
 /// # Errors
 /// [`ZeroDriftError`].
 pub fn fit(means: &[RestMean]) -> Result<ZeroDriftFit, ZeroDriftError> {
-    let middle = mean(means.iter().map(|rest| rest.celsius)).filter(|_| means.len() >= MEANS_MIN);
+    let middle = mean::<f64, _>(means.iter().map(|rest| rest.celsius)).filter(|_| means.len() >= MEANS_MIN);
     let middle = middle.ok_or(ZeroDriftError::TooFew { found: means.len() })?;
     let lowest = means.iter().map(|rest| rest.celsius).fold(f64::INFINITY, f64::min);
     let highest = means.iter().map(|rest| rest.celsius).fold(f64::NEG_INFINITY, f64::max);
