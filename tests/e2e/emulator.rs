@@ -23,9 +23,12 @@ use std::time::{Duration, Instant, SystemTime};
 
 use emulator::Serial;
 use palpate::finger::Samples;
+use palpate_device::dfu::simulated::{Faults, Loader};
+use palpate_device::dfu::{self, FirmwareFile};
 use palpate_device::session::SessionOptions;
 use palpate_device::wire_reader::MessageReader;
 use palpate_device::{Address, Incoming, LinkError, Session};
+use palpate_shared::force::ForceMatrix;
 use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
 use palpate_shared::wire::{
     Checks, ClockSource, Command as ToDevice, CommandId, Failure, FaultCause, FromDevice, Health, Outcome, Refusal,
@@ -494,6 +497,35 @@ fn a_restart_while_streaming_is_survived_with_all_settings() {
     assert!(session.hello().streaming);
     rig::samples(&mut session, 400);
     assert_eq!(session.counts().restarts, 0);
+}
+
+/// What the loader would be given: the image's file is taken, and leaves free what the board keeps its matrix in.
+#[test]
+fn the_image_is_one_that_is_put_onto_boards_and_leaves_the_store_free() {
+    let Some((path, _)) = image() else { return };
+    let file = FirmwareFile::read(&std::fs::read(path).expect("the image can be read")).expect("it is taken");
+    let (_, store, behind) = (&file.bytes()[..0x4000], &file.bytes()[0x4000..0xC000], &file.bytes()[0xC000..]);
+    assert!(store.iter().all(|&byte| byte == 0xFF), "sectors 1 and 2");
+    assert!(!behind.is_empty() && behind[0] != 0xFF);
+    let mut loader = Loader::new(2, Faults::default());
+    dfu::flash(&mut loader, &file, |_| ()).expect("a loader in memory takes it");
+    assert!(!loader.erased.iter().any(|at| (0x0800_4000..0x0800_C000).contains(at)), "{:x?}", loader.erased);
+}
+
+/// The emulator's flash cannot be written: the image finds that out by reading back, says so, and goes on.
+#[test]
+fn a_flash_that_takes_nothing_is_told_and_the_device_goes_on() {
+    let Some(machine) = tcp_machine() else { return };
+    let mut session = machine.open_simulated();
+    assert_eq!(session.device_matrix().unwrap(), None);
+    let matrix = ForceMatrix::new([[-37.45e-6, 0.0], [0.0, 37e-6]], [0.0, 0.0]).unwrap();
+    session.request(Request::SetForceMatrix { matrix, checksum: matrix.checksum() }).unwrap();
+    assert_eq!(refusal(session.store_device_matrix(true)), Refusal::NotStored);
+    assert_eq!(session.device_matrix().unwrap(), Some(matrix));
+    // Nothing is kept, and so there is nothing to write.
+    session.store_device_matrix(false).unwrap();
+    stream(&mut session, 800);
+    assert_eq!(session.hello().restarts, 0);
 }
 
 /// The emulator's chip has no loader of its own: the image finds that out after its restart, and goes on.

@@ -19,8 +19,8 @@ use heapless::{HistoryBuf, String};
 use palpate_shared::units::DeviceTime;
 use palpate_shared::wire::{
     Block, Channel, ClockSource, Command, CommandId, CommandRead, Counters, DeviceId, Event, EventKind, Failure, Fault,
-    FirmwareVersion, FromDevice, FrontEnd, FrontEndKind, Health, Hello, Outcome, PROTOCOL, Refusal, Reply, Request,
-    RestartReason, Source, Temperature,
+    FirmwareVersion, ForceMatrix, FromDevice, FrontEnd, FrontEndKind, Health, Hello, Outcome, PROTOCOL, Refusal, Reply,
+    Request, RestartReason, Source, Temperature,
 };
 
 use crate::block::BlockBuilder;
@@ -30,6 +30,7 @@ use crate::log::{info, warning};
 use crate::outbox::Outbox;
 use crate::queues::{DeviceEnd, Finding, FrontEndRequest, Notice, READINGS, RequestKind, SamplerState, Tally};
 use crate::settings::{ConverterClock, DeviceSettings, Gain, Rate, WithBlocks};
+use crate::store::NotStored;
 
 /// Version of this firmware.
 pub const FIRMWARE: FirmwareVersion = FirmwareVersion {
@@ -138,6 +139,15 @@ struct Pending {
 enum Taken {
     Answered(Outcome),
     Asked,
+    /// The board is to keep this in its flash.
+    Store(Option<ForceMatrix>),
+}
+
+/// A command that waits for the board's flash.
+#[derive(Clone, Copy, Debug)]
+struct Storing {
+    command: Asked,
+    matrix: Option<ForceMatrix>,
 }
 
 /// What was counted on the main side; each counter wraps.
@@ -208,6 +218,9 @@ pub struct Device<'q, const OUTBOX: usize> {
     board: Option<BoardReport>,
     order: Option<Order>,
     forces: Forces,
+    /// Whether the board's flash can keep the matrix of forces.
+    has_store: bool,
+    storing: Option<Storing>,
 }
 
 impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
@@ -237,6 +250,30 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
             board: None,
             order: None,
             forces: Forces::default(),
+            has_store: false,
+            storing: None,
+        }
+    }
+
+    /// The board can keep the matrix of forces over a restart ([`Self::take_store`]), and this one it found.
+    pub fn accept_store(&mut self, kept: Option<ForceMatrix>) {
+        self.has_store = true;
+        self.forces.found(kept);
+    }
+
+    /// What the board is to keep from now on, at once, and then to tell [`Self::stored`]. Nothing is streamed meanwhile, so
+    /// the board may stand still.
+    #[must_use]
+    pub fn take_store(&self) -> Option<Option<ForceMatrix>> {
+        self.storing.map(|storing| storing.matrix)
+    }
+
+    /// The board keeps it, and stood still for so many microseconds; or the flash did not take it.
+    pub fn stored(&mut self, stalled_us: Result<u32, NotStored>) {
+        if let Some(Storing { command, .. }) = self.storing.take() {
+            let outcome =
+                stalled_us.map_or(Outcome::Refused(Refusal::NotStored), |stalled_us| Outcome::Stored { stalled_us });
+            self.conclude(command, outcome);
         }
     }
 
@@ -406,6 +443,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     fn act(&mut self, command: Asked, request: Request, now: DeviceTime) {
         match self.decide(request, now) {
             Ok(Taken::Answered(outcome)) => self.conclude(command, outcome),
+            Ok(Taken::Store(matrix)) => self.storing = Some(Storing { command, matrix }),
             Ok(Taken::Asked) => self.pending = Some(Pending { ticket: self.ticket, command, since: now }),
             // Repeated with the same id, it shall be acted on, so it is not remembered.
             Err(Refusal::Busy) => self.reply(command.id, Outcome::Refused(Refusal::Busy)),
@@ -450,6 +488,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
                 return self.forces.stream(on).map(|()| Taken::Answered(Outcome::Done));
             }
             Request::ForceMatrix => return Ok(Taken::Answered(Outcome::ForceMatrix(self.forces.matrix()))),
+            Request::StoreForceMatrix { keep } => return self.check_store(keep),
         };
         self.ask(kind)
     }
@@ -466,6 +505,16 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
         }
         self.order = Some(order);
         Ok(Taken::Answered(Outcome::Done))
+    }
+
+    /// What the board is to keep, if it can, and may now.
+    fn check_store(&self, keep: bool) -> Result<Taken, Refusal> {
+        if !self.has_store {
+            return Err(Refusal::NotOnThisBoard);
+        }
+        self.check_at_rest()?;
+        let matrix = if keep { Some(self.forces.matrix().ok_or(Refusal::NoForceMatrix)?) } else { None };
+        Ok(Taken::Store(matrix))
     }
 
     /// Passes a request on to the sampler.
@@ -487,6 +536,9 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
 
     /// Whether the link carries the present rate.
     fn check_start(&self) -> Result<RequestKind, Refusal> {
+        if self.storing.is_some() {
+            return Err(Refusal::Busy);
+        }
         self.check_line(self.front_end.state.settings.rate)?;
         Ok(RequestKind::Stream(true))
     }
@@ -515,10 +567,10 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
 
     /// Whether nothing is streamed, nor about to be.
     fn check_at_rest(&self) -> Result<(), Refusal> {
-        match (self.front_end.state.streaming, self.pending) {
+        match (self.front_end.state.streaming, self.pending.is_some() || self.storing.is_some()) {
             (true, _) => Err(Refusal::Streaming),
-            (false, Some(_)) => Err(Refusal::Busy),
-            (false, None) => Ok(()),
+            (false, true) => Err(Refusal::Busy),
+            (false, false) => Ok(()),
         }
     }
 
@@ -534,9 +586,10 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
         if rate.fits_line(link_baud, with) { Ok(()) } else { Err(Refusal::LinkTooSlow { fastest_hz }) }
     }
 
-    /// Whether a command still waits for the sampler.
+    /// Whether a command still waits for the sampler, or for the board's flash.
     fn is_pending(&self, command: Asked) -> bool {
         self.pending.is_some_and(|pending| pending.command == command)
+            || self.storing.is_some_and(|storing| storing.command == command)
     }
 
     /// What came of a command that came before.

@@ -1,8 +1,9 @@
 //! The chip's own USB loader: an image onto a board without a debug probe.
 //!
 //! [`FirmwareFile`] is what a file has to be before anything is erased; [`flash`] speaks the loader's protocol over a
-//! [`DfuPort`], erases what the image needs, writes it, reads it back, and starts it. What the image leaves free is left as
-//! it is. Tested against a loader in memory ([`simulated`]), which checks the order of requests; `usb` (feature `usb`) finds loaders that are plugged in. **No test has spoken to a chip over USB.**
+//! [`DfuPort`], erases what the image needs, writes it, reads it back, and starts it. What the image leaves free, such as where
+//! the board keeps the matrix of its forces, is left as it is. Tested against a loader in memory ([`simulated`]), which
+//! checks the order of requests; `usb` (feature `usb`) finds loaders that are plugged in. **No test has spoken to a chip over USB.**
 //!
 //! Implements: DFU 1.1 (requests, states, the suffix of files), and ST's extension of it (AN3156: set address and erase are
 //! downloads with block number 0, data have numbers from 2 on). Sectors: STM32F405 (RM0090, table 5).

@@ -52,6 +52,7 @@ mod touch;
 mod tutorial;
 mod warnings;
 mod width;
+mod zero_drift;
 
 /// The tool's binary.
 const PALPATE: &str = env!("CARGO_BIN_EXE_palpate");

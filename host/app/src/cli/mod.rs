@@ -85,6 +85,7 @@ mod touch_world;
 mod watched_push;
 mod wave;
 mod which_part;
+mod zero_drift;
 
 pub(crate) use calibrate::rfc3339;
 pub(crate) use touch::advice as touch_advice;
@@ -127,6 +128,7 @@ enum Command {
     Calibrate(calibrate::Arguments),
     Wave(wave::Arguments),
     LocateTip(locate_tip::Arguments),
+    ZeroDrift(zero_drift::Arguments),
     Monitor(monitor::Arguments),
     #[cfg(feature = "web")]
     Serve(serve::Arguments),
@@ -169,6 +171,7 @@ impl Command {
             Self::Demo(_) => Some("pushing and searching"),
             Self::Diagnose(_) => Some("sampling at rest"),
             Self::Record(_) => Some("recording"),
+            Self::ZeroDrift(_) => Some("watching the finger at rest"),
             Self::Recover(_) => Some("looking for what is whole"),
             Self::Report(_) | Self::Export(_) => Some("reading"),
             Self::Contact(_) | Self::Import(_) => Some("reading"),
@@ -220,6 +223,7 @@ where
         Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Wave(arguments) => wave::run(&arguments),
         Command::LocateTip(arguments) => locate_tip::run(&arguments),
+        Command::ZeroDrift(arguments) => zero_drift::run(&arguments),
         Command::Monitor(arguments) => monitor::run(&arguments),
         #[cfg(feature = "web")]
         Command::Serve(arguments) => serve::run(&arguments),

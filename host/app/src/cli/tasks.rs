@@ -88,6 +88,13 @@ const TASKS: &[Task] = &[
                 "locate-tip",
                 &[("from touches on a block", "palpate locate-tip touches.toml -c calibration/finger-a/DATE.toml")],
             ),
+            (
+                "zero-drift",
+                &[
+                    ("at rest, while the room warms", "palpate zero-drift -d /dev/ttyACM0 --minutes 90"),
+                    ("from a recording of it", "palpate zero-drift -d file:night.mcap"),
+                ],
+            ),
         ],
     },
     Task {

@@ -9,6 +9,7 @@ use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use palpate_firmware_core::ads131m::Ads131m;
 use palpate_firmware_core::device::Order;
 use palpate_firmware_core::sampler::IDLE_US;
+use palpate_firmware_core::store::{MatrixStore, MemoryFlash};
 use palpate_firmware_core::{
     ConverterClock, Device, DeviceSettings, Identity, Queues, Sampler, SelectSource, SourceNotPossible,
 };
@@ -67,6 +68,12 @@ const BITS_PER_BYTE: f64 = 10.0;
 /// Bytes that the firmware keeps for a line that is busy: 60 blocks, 0.1 s at 4 kHz, as on the board.
 const OUTBOX_BYTES: usize = 4096;
 
+/// Words in a sector of the simulated flash: room for 512 changes of the matrix, as on the board.
+const FLASH_WORDS: usize = 4096;
+
+/// How long a board stands still when it writes a record of eight words without erasing, in µs: 16 µs each.
+const STORE_US: u32 = 8 * 16;
+
 /// Volts to millivolts, to state the finger's excitation in the hello.
 const MV_PER_V: f32 = 1e3;
 
@@ -111,6 +118,7 @@ fn run_with<const CHANNELS: usize>(config: &Config, outlet: Outlet, orders: &Rec
     front_end.borrow_mut().set_faults(config.faults);
     let mut finger = CarriedBeam::new(config.finger.beam, config.carried);
     let mut outlet = TroubledOutlet::new(outlet, config.link_faults, config.seed);
+    let mut store = MatrixStore::new(MemoryFlash::default());
     let mut restarts = 0;
     let mut asked: Option<Sender<SimulatedMoment>> = None;
     loop {
@@ -131,8 +139,10 @@ fn run_with<const CHANNELS: usize>(config: &Config, outlet: Outlet, orders: &Rec
             asked: None,
             order: None,
             is_in_loader: false,
+            store: &mut store,
         };
         board.device.accept_restarts();
+        board.device.accept_store(board.store.kept());
         if let Some(asked) = asked.take() {
             answer(&asked, board.moment());
         }
@@ -245,6 +255,8 @@ struct Board<'w, const CHANNELS: usize> {
     order: Option<(Order, DeviceTime)>,
     /// The chip's own loader has taken over: the line is dead until the next restart.
     is_in_loader: bool,
+    /// What outlives a restart.
+    store: &'w mut MatrixStore<MemoryFlash<FLASH_WORDS>>,
 }
 
 impl<const CHANNELS: usize> Board<'_, CHANNELS> {
@@ -407,6 +419,10 @@ impl<const CHANNELS: usize> Board<'_, CHANNELS> {
         }
         let now = self.now();
         self.device.receive(&buffer[..length], now);
+        if let Some(matrix) = self.device.take_store() {
+            let kept = self.store.keep(matrix);
+            self.device.stored(kept.map(|()| STORE_US));
+        }
         self.device.poll(now);
         length > 0
     }
