@@ -33,7 +33,7 @@ pub(crate) const USAGE: &str = "       cargo xtask firmware build            bui
        cargo xtask firmware flash            build it and put it onto a board, through a debug probe
        cargo xtask firmware emulate [--pty]  build it and run it in the emulator, until interrupted
        cargo xtask firmware emulate --test   build it and run the end-to-end test on it
-       cargo xtask firmware size             build it, print its size, count its instructions in the emulator";
+       cargo xtask firmware size             build it for each converter, print sizes, count instructions in the emulator";
 
 /// Names the converter that an image is built for.
 const FRONT_END_VARIABLE: &str = "PALPATE_FRONT_END";
@@ -54,7 +54,7 @@ pub(crate) fn run(words: &[&str]) -> Option<ExitCode> {
         ["emulate"] => build().and_then(|image| emulate(&image, false)),
         ["emulate", "--pty"] => build().and_then(|image| emulate(&image, true)),
         ["emulate", "--test"] => build().and_then(|image| test(&image, &[])),
-        ["size"] => build().and_then(|image| size(&image)),
+        ["size"] => sizes(),
         _ => return None,
     };
     Some(result.map_or_else(|Failed(status)| ExitCode::from(status), |()| ExitCode::SUCCESS))
@@ -203,6 +203,16 @@ fn test(image: &Path, arguments: &[&str]) -> Result<(), Failed> {
     let mut cargo = Command::new(env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned()));
     cargo.args(["test", "--package", "palpate-tests", "--test", "emulator", "--"]).args(arguments);
     finish(cargo.env(IMAGE_VARIABLE, image))
+}
+
+/// Prints the size of the image for every converter, and how many instructions a sample takes; fails if a limit is broken.
+fn sizes() -> Result<(), Failed> {
+    for front_end in dist::FRONT_ENDS {
+        let image = build_with(&[(FRONT_END_VARIABLE, front_end)])?;
+        println!("{front_end}");
+        size(&image)?;
+    }
+    Ok(())
 }
 
 /// Prints an image's size, and how many instructions a sample takes; fails if a limit is broken.

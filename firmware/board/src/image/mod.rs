@@ -218,7 +218,7 @@ impl Main {
         let mut buffer = [0; line::RECEIVED];
         let received = usb.receive(&mut buffer);
         if !received.is_empty() {
-            self.device.receive_by(Link::Usb, received, time::now());
+            self.hear(Link::Usb, received);
         }
     }
 
@@ -246,12 +246,11 @@ impl Main {
     /// One turn of the main loop.
     fn turn(&mut self) {
         let mut buffer = [0; line::RECEIVED];
-        let now = time::now();
         let received = self.line.receive(&mut buffer);
         if !received.is_empty() {
-            self.device.receive(received, now);
+            self.hear(Link::Serial, received);
         }
-        self.device.poll(now);
+        self.device.poll(time::now());
         self.talk();
         let ticks = time::ticks();
         if ticks.wrapping_sub(self.looked_at) >= LOOK_TICKS {
@@ -259,13 +258,14 @@ impl Main {
             self.look();
         }
         self.watchdog.feed();
-        self.keep();
         self.obey(ticks);
     }
 
-    /// Keeps what the host has the board keep. The chip may stand still meanwhile; the watchdog has just been fed.
-    fn keep(&mut self) {
+    /// Takes what came by a link, and keeps what the host has the board keep: the chip may stand still meanwhile.
+    fn hear(&mut self, link: Link, received: &[u8]) {
+        self.device.receive_by(link, received, time::now());
         if let Some(matrix) = self.device.take_store() {
+            self.watchdog.feed();
             let before = time::stalled_us();
             let kept = self.store.keep(matrix);
             self.device.stored(kept.map(|()| time::stalled_us().wrapping_sub(before)));
