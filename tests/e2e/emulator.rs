@@ -363,7 +363,8 @@ fn without_a_chip_the_image_says_so_and_streams_nothing() {
 fn every_command_works_on_the_simulated_finger_and_twenty_thousand_samples_arrive() {
     let Some(machine) = tcp_machine() else { return };
     let mut session = machine.open_simulated();
-    assert_eq!(session.hello().front_end.id_word >> 8, 0x22);
+    let front_end = session.hello().front_end;
+    assert_eq!(front_end.id_word >> 8, u16::from(front_end.kind.facts().id_high));
     assert_eq!(session.read_register(0).unwrap(), session.hello().front_end.id_word);
     let blocks = stream(&mut session, 20_000);
     // Three seconds free, then a force of 2 N that travels round the disk: both bridges see it come or go.
