@@ -27,12 +27,6 @@ leaves uncertain. Forces that the device computes by itself are as before.";
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = super::help::flowing(LONG_HELP))]
 pub(crate) struct Arguments {
-    #[command(flatten)]
-    device: DeviceArguments,
-
-    #[command(flatten)]
-    calibration: CalibrationArguments,
-
     /// How long to watch, minutes of the finger's time; Ctrl-C ends it earlier
     #[arg(long, value_name = "MINUTES", default_value_t = 60.0, value_parser = positive)]
     minutes: f64,
@@ -48,6 +42,12 @@ pub(crate) struct Arguments {
     /// Print one JSON object instead
     #[arg(long)]
     json: bool,
+
+    #[command(flatten)]
+    device: DeviceArguments,
+
+    #[command(flatten)]
+    calibration: CalibrationArguments,
 }
 
 /// Seconds in a minute.
