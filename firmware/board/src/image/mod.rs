@@ -245,10 +245,8 @@ impl Main {
 
     /// One turn of the main loop.
     fn turn(&mut self) {
-        let mut buffer = [0; line::RECEIVED];
-        let received = self.line.receive(&mut buffer);
-        if !received.is_empty() {
-            self.hear(Link::Serial, received);
+        if self.line.has_received() {
+            self.listen_to_line();
         }
         self.device.poll(time::now());
         self.talk();
@@ -259,6 +257,14 @@ impl Main {
         }
         self.watchdog.feed();
         self.obey(ticks);
+    }
+
+    /// Hands on what came by the line. Apart from the turn, since most turns need no buffer for it.
+    #[inline(never)]
+    fn listen_to_line(&mut self) {
+        let mut buffer = [0; line::RECEIVED];
+        let received = self.line.receive(&mut buffer);
+        self.hear(Link::Serial, received);
     }
 
     /// Takes what came by a link, and keeps what the host has the board keep: the chip may stand still meanwhile.
