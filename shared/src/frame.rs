@@ -17,7 +17,7 @@ pub const PAYLOAD_MAX: usize = 192;
 
 /// The CRC-32 of bytes, as frames have it.
 #[must_use]
-pub(crate) fn checksum(bytes: &[u8]) -> u32 {
+pub fn checksum(bytes: &[u8]) -> u32 {
     CRC.checksum(bytes)
 }
 

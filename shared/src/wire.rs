@@ -33,7 +33,7 @@ use crate::units::{Counts, DeviceTime, Seq};
 mod decode;
 
 /// The version that this code speaks.
-pub const PROTOCOL: ProtocolVersion = ProtocolVersion { major: 1, minor: 5 };
+pub const PROTOCOL: ProtocolVersion = ProtocolVersion { major: 1, minor: 7 };
 
 /// Bytes of a frame on the front-end's bus, as [`Request::RawFrame`] has it. Of a front-end with longer frames these are
 /// the first; zeros follow them, and what comes in beyond them is left out.
@@ -456,6 +456,14 @@ pub enum Request {
     },
     /// Which matrix do you keep?
     ForceMatrix,
+    /// Answer, then restart into the loader that the chip was made with, for another image over USB. Since version 1.6.
+    EnterLoader,
+    /// Keep the matrix over restarts, or no longer: write it into the board's flash, or that there is none. Not while
+    /// streaming. Since version 1.7.
+    StoreForceMatrix {
+        /// Whether there is to be one.
+        keep: bool,
+    },
 }
 
 /// A way to fail on purpose.
@@ -516,6 +524,11 @@ pub enum Outcome {
     },
     /// What [`Request::ForceMatrix`] asks for; `None` if there is none. Since version 1.5.
     ForceMatrix(Option<ForceMatrix>),
+    /// [`Request::StoreForceMatrix`] is done. Since version 1.7.
+    Stored {
+        /// How long the whole device stood still meanwhile, in µs, as a chip does that erases its flash. No samples were due.
+        stalled_us: u32,
+    },
 }
 
 /// Why a device did not do what it was asked to.
@@ -564,8 +577,10 @@ pub enum Refusal {
     Streaming,
     /// The checksum is not the matrix's, or a number of it is larger than the arithmetic bears. Since version 1.5.
     MatrixDamaged,
-    /// There is no matrix: it is lost at each start. Since version 1.5.
+    /// There is no matrix, and none is kept over a start. Since version 1.5.
     NoForceMatrix,
+    /// The flash did not take the matrix; what it keeps is as before. Since version 1.7.
+    NotStored,
 }
 
 /// What the self-test found.
@@ -794,7 +809,7 @@ mod tests {
         let reply = |outcome| FromDevice::Reply(Reply { id: CommandId(7), outcome });
         let refused = |refusal| reply(Outcome::Refused(refusal));
         let hello_fields = concat!(
-            "0105000102",
+            "0107000102",
             "70616c706174652d30303031",
             "0a53544d33322d48343035",
             "008345",
@@ -814,7 +829,7 @@ mod tests {
         std::vec![
             (
                 FromDevice::Hello(hello()),
-                "000105000102\
+                "000107000102\
               70616c706174652d303030310a53544d33322d4834303500834500000100a01f20809f49c413000080a038000000"
             ),
             (FromDevice::Block(block()), "01ac02f8c904090201 7e86c206ffffff07"),
@@ -837,7 +852,7 @@ mod tests {
                 "0307041f0883458 30a90a10f",
             ),
             (reply(Outcome::Counters(counters())), "0307050102030405060708090a0b0c"),
-            (refused(Refusal::OtherProtocol { device: PROTOCOL }), "030706000105"),
+            (refused(Refusal::OtherProtocol { device: PROTOCOL }), "030706000107"),
             (refused(Refusal::UnknownRequest), "03070601"),
             (refused(Refusal::RateNotPossible { slowest_hz: 500, fastest_hz: 8000 }), "03070602f403c03e"),
             (refused(Refusal::LinkTooSlow { fastest_hz: 1000 }), "03070603e807"),
@@ -881,6 +896,8 @@ mod tests {
                 reply(Outcome::RawFrame { bytes: [5, 0, 0, 0, 0, 1, 255, 255, 254, 0x9F, 0xFC, 0] }),
                 "030709 050000 000001 fffffe 9ffc00"
             ),
+            (reply(Outcome::Stored { stalled_us: 300 }), "03070bac02"),
+            (reply(Outcome::Refused(Refusal::NotStored)), "0307060e"),
             (FromDevice::Temperature(Temperature { time: DeviceTime(1), centi_celsius: -250 }), "0401f303"),
             (
                 FromDevice::SlowChannels(SlowChannels {
@@ -926,6 +943,9 @@ mod tests {
             (Request::SetForceTare { tare: [-5, 6] }, "01ac0210090c"),
             (Request::StreamForces { on: true }, "01ac021101"),
             (Request::ForceMatrix, "01ac0212"),
+            (Request::EnterLoader, "01ac0213"),
+            (Request::StoreForceMatrix { keep: true }, "01ac021401"),
+            (Request::StoreForceMatrix { keep: false }, "01ac021400"),
         ]
     }
 
@@ -1132,7 +1152,7 @@ mod tests {
     #[test]
     fn names_print_as_a_person_reads_them() {
         assert_eq!(hello().device.to_string(), "70616c706174652d30303031");
-        assert_eq!(format!("{} {}", hello().firmware, PROTOCOL), "0.1.2 1.5");
+        assert_eq!(format!("{} {}", hello().firmware, PROTOCOL), "0.1.2 1.7");
     }
 
     proptest! {

@@ -23,9 +23,12 @@ use std::time::{Duration, Instant, SystemTime};
 
 use emulator::Serial;
 use palpate::finger::Samples;
+use palpate_device::dfu::simulated::{Faults, Loader};
+use palpate_device::dfu::{self, FirmwareFile};
 use palpate_device::session::SessionOptions;
 use palpate_device::wire_reader::MessageReader;
 use palpate_device::{Address, Incoming, LinkError, Session};
+use palpate_shared::force::ForceMatrix;
 use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
 use palpate_shared::wire::{
     Checks, ClockSource, Command as ToDevice, CommandId, Failure, FaultCause, FromDevice, Health, Outcome, Refusal,
@@ -360,7 +363,8 @@ fn without_a_chip_the_image_says_so_and_streams_nothing() {
 fn every_command_works_on_the_simulated_finger_and_twenty_thousand_samples_arrive() {
     let Some(machine) = tcp_machine() else { return };
     let mut session = machine.open_simulated();
-    assert_eq!(session.hello().front_end.id_word >> 8, 0x22);
+    let front_end = session.hello().front_end;
+    assert_eq!(front_end.id_word >> 8, u16::from(front_end.kind.facts().id_high));
     assert_eq!(session.read_register(0).unwrap(), session.hello().front_end.id_word);
     let blocks = stream(&mut session, 20_000);
     // Three seconds free, then a force of 2 N that travels round the disk: both bridges see it come or go.
@@ -494,6 +498,47 @@ fn a_restart_while_streaming_is_survived_with_all_settings() {
     assert!(session.hello().streaming);
     rig::samples(&mut session, 400);
     assert_eq!(session.counts().restarts, 0);
+}
+
+/// What the loader would be given: the image's file is taken, and leaves free what the board keeps its matrix in.
+#[test]
+fn the_image_is_one_that_is_put_onto_boards_and_leaves_the_store_free() {
+    let Some((path, _)) = image() else { return };
+    let file = FirmwareFile::read(&std::fs::read(path).expect("the image can be read")).expect("it is taken");
+    let (_, store, behind) = (&file.bytes()[..0x4000], &file.bytes()[0x4000..0xC000], &file.bytes()[0xC000..]);
+    assert!(store.iter().all(|&byte| byte == 0xFF), "sectors 1 and 2");
+    assert!(!behind.is_empty() && behind[0] != 0xFF);
+    let mut loader = Loader::new(2, Faults::default());
+    dfu::flash(&mut loader, &file, |_| ()).expect("a loader in memory takes it");
+    assert!(!loader.erased.iter().any(|at| (0x0800_4000..0x0800_C000).contains(at)), "{:x?}", loader.erased);
+}
+
+/// The emulator's flash cannot be written: the image finds that out by reading back, says so, and goes on.
+#[test]
+fn a_flash_that_takes_nothing_is_told_and_the_device_goes_on() {
+    let Some(machine) = tcp_machine() else { return };
+    let mut session = machine.open_simulated();
+    assert_eq!(session.device_matrix().unwrap(), None);
+    let matrix = ForceMatrix::new([[-37.45e-6, 0.0], [0.0, 37e-6]], [0.0, 0.0]).unwrap();
+    session.request(Request::SetForceMatrix { matrix, checksum: matrix.checksum() }).unwrap();
+    assert_eq!(refusal(session.store_device_matrix(true)), Refusal::NotStored);
+    assert_eq!(session.device_matrix().unwrap(), Some(matrix));
+    // Nothing is kept, and so there is nothing to write.
+    session.store_device_matrix(false).unwrap();
+    stream(&mut session, 800);
+    assert_eq!(session.hello().restarts, 0);
+}
+
+/// The emulator's chip has no loader of its own: the image finds that out after its restart, and goes on.
+#[test]
+fn a_chip_that_has_no_loader_restarts_and_goes_on() {
+    let Some(machine) = tcp_machine() else { return };
+    let mut session = machine.open_simulated();
+    session.start().unwrap();
+    rig::samples(&mut session, 400);
+    session.enter_loader().unwrap();
+    assert_eq!(comes_back(&mut session), RestartReason::Requested);
+    assert_eq!((session.hello().restarts, session.last_fault().unwrap()), (1, None));
 }
 
 #[test]

@@ -303,7 +303,7 @@ mod tests {
     fn the_numbers_of_a_command_are_its_requests_and_its_words() {
         let payload = payload_of(&Command::new(CommandId(5), Request::SetSource { source: Source::Simulated }));
         let named: Vec<_> = numbers_in_command(&payload).into_iter().map(|number| (number.of, number.known)).collect();
-        assert_eq!(named, [("Request", 19), ("Source", 2)]);
+        assert_eq!(named, [("Request", 21), ("Source", 2)]);
     }
 
     #[test]

@@ -12,7 +12,7 @@ use sha2::{Digest, Sha256};
 
 /// Converters that an image can be built for: the names that `shared/src/front_ends.rs` has. The usual one is built last, so
 /// that it is the one that other chores find.
-const FRONT_ENDS: [&str; 2] = ["ADS131M04", "ADS131M02"];
+pub(crate) const FRONT_ENDS: [&str; 2] = ["ADS131M04", "ADS131M02"];
 
 /// Vendor and product of the chip's own loader.
 const LOADER: (u16, u16) = (0x0483, 0xDF11);

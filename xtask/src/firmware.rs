@@ -32,8 +32,8 @@ pub(crate) const USAGE: &str = "       cargo xtask firmware build            bui
        cargo xtask firmware ports            check that the core compiles for other processors than the board's
        cargo xtask firmware flash            build it and put it onto a board, through a debug probe
        cargo xtask firmware emulate [--pty]  build it and run it in the emulator, until interrupted
-       cargo xtask firmware emulate --test   build it and run the end-to-end test on it
-       cargo xtask firmware size             build it, print its size, count its instructions in the emulator";
+       cargo xtask firmware emulate --test   build it for each converter and run the end-to-end test on it
+       cargo xtask firmware size             build it for each converter, print sizes, count instructions in the emulator";
 
 /// Names the converter that an image is built for.
 const FRONT_END_VARIABLE: &str = "PALPATE_FRONT_END";
@@ -53,8 +53,8 @@ pub(crate) fn run(words: &[&str]) -> Option<ExitCode> {
         ["flash"] => build().and_then(|image| flash(&image)),
         ["emulate"] => build().and_then(|image| emulate(&image, false)),
         ["emulate", "--pty"] => build().and_then(|image| emulate(&image, true)),
-        ["emulate", "--test"] => build().and_then(|image| test(&image, &[])),
-        ["size"] => build().and_then(|image| size(&image)),
+        ["emulate", "--test"] => for_each_front_end(|image| test(image, &[])),
+        ["size"] => for_each_front_end(size),
         _ => return None,
     };
     Some(result.map_or_else(|Failed(status)| ExitCode::from(status), |()| ExitCode::SUCCESS))
@@ -125,6 +125,16 @@ fn build_with(variables: &[(&str, &str)]) -> Result<PathBuf, Failed> {
     };
     finish(cargo.envs(variables.iter().copied()))?;
     Ok(image::path_in(&target))
+}
+
+/// Builds the image for one converter after the other, and does something with each.
+fn for_each_front_end(mut work: impl FnMut(&Path) -> Result<(), Failed>) -> Result<(), Failed> {
+    for front_end in dist::FRONT_ENDS {
+        let image = build_with(&[(FRONT_END_VARIABLE, front_end)])?;
+        println!("{front_end}");
+        work(&image)?;
+    }
+    Ok(())
 }
 
 /// Builds the tool as releases have it: with what is off by default too.

@@ -2,7 +2,11 @@
 //!
 //! Only what a 32-bit little-endian executable for this target needs. Source: System V ABI, chapters 4 and 5.
 
+#[path = "../../host/device/src/dfu/elf.rs"]
+mod elf;
+
 use std::fmt;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// The board's processor, as the compiler names it.
@@ -17,14 +21,8 @@ const SYMBOLS: u32 = 2;
 /// A section's type: it takes memory, but nothing in the file.
 const NO_BITS: u32 = 8;
 
-/// A program header's type: a part that is loaded.
-const LOADED: u32 = 1;
-
-/// Where the flash begins.
-const FLASH_START: u32 = 0x0800_0000;
-
-/// What an erased byte of flash reads.
-const ERASED: u8 = 0xFF;
+/// The flash.
+const FLASH: Range<u32> = 0x0800_0000..0x0810_0000;
 
 /// Where the RAM begins, flash being below.
 const RAM_START: u32 = 0x2000_0000;
@@ -172,28 +170,8 @@ impl Image {
 /// # Errors
 /// [`NotAnImage`].
 pub(crate) fn flash_contents(path: &Path) -> Result<Vec<u8>, NotAnImage> {
-    let bytes = Bytes(std::fs::read(path).map_err(NotAnImage::Unreadable)?);
-    loaded(&bytes).ok_or(NotAnImage::OtherKind)
-}
-
-/// By the program headers, which say where a part is kept as well as where it is used.
-fn loaded(bytes: &Bytes) -> Option<Vec<u8>> {
-    bytes.sections()?;
-    let (start, size, count) = (bytes.word(28)? as usize, bytes.half(42)? as usize, bytes.half(44)? as usize);
-    let mut contents = Vec::new();
-    for at in (0..count).map(|index| start + index * size) {
-        let [kind, offset, kept_at, length] = [0, 4, 12, 16].map(|field| bytes.word(at + field));
-        let (offset, length) = (offset? as usize, length? as usize);
-        if kind? != LOADED || length == 0 {
-            continue;
-        }
-        let place = kept_at?.checked_sub(FLASH_START)? as usize;
-        if contents.len() < place + length {
-            contents.resize(place + length, ERASED);
-        }
-        contents[place..place + length].copy_from_slice(bytes.0.get(offset..offset + length)?);
-    }
-    Some(contents)
+    let file = std::fs::read(path).map_err(NotAnImage::Unreadable)?;
+    elf::flash_contents(&file, &FLASH).map_err(|_| NotAnImage::OtherKind)
 }
 
 /// Whether a function of the compiler's run-time library computes in double precision.

@@ -236,7 +236,13 @@ fn the_checks_go_on_without_cargo_deny_but_not_past_what_it_finds_and_tell_their
     // There already.
     let (status, told, calls) = run(&[]);
     assert!(status == Some(0) && !was_installed(&calls), "{told}\n{calls:#?}");
-    for stage in ["lints and documentation", "licences and sources", "the tests", "the image's size and speed"] {
+    for stage in [
+        "lints and documentation",
+        "licences and sources",
+        "the images of a release",
+        "the tests",
+        "the image's size and speed",
+    ] {
         let timed = told
             .lines()
             .filter(|line| line.strip_prefix(stage).is_some_and(|rest| rest.starts_with(": ") && rest.ends_with(" s")));

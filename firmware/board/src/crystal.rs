@@ -52,6 +52,28 @@ impl Crystal {
     }
 }
 
+/// What the board makes the converter's clock of, where it makes one: 8 MHz in either case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ConverterClockSource {
+    /// The crystal, as it swings.
+    Crystal,
+    /// Half of the internal oscillator, up to a few per cent off.
+    Internal,
+}
+
+/// What the converter's clock is, where the board makes it, in Hz.
+pub(crate) const CONVERTER_CLOCK_HZ: u32 = 8_000_000;
+
+impl ConverterClockSource {
+    /// On a board with this crystal. One of 12 MHz has no whole part within what the converter takes.
+    pub(crate) fn on(crystal: Crystal) -> Self {
+        match crystal {
+            Crystal::Usable { mhz: 8 } => Self::Crystal,
+            Crystal::Usable { .. } | Crystal::Absent | Crystal::Odd { .. } => Self::Internal,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -71,6 +93,16 @@ mod tests {
                     assert_eq!(Crystal::of(Some((Periods(992), ticks))), Crystal::Usable { mhz }, "{internal_khz} kHz");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn the_converters_clock_is_that_of_the_crystal_where_it_fits() {
+        assert_eq!(u32::from(USABLE_MHZ[0]) * 1_000_000, CONVERTER_CLOCK_HZ);
+        assert_eq!(INTERNAL_KHZ * 1000 / 2, CONVERTER_CLOCK_HZ);
+        assert_eq!(ConverterClockSource::on(Crystal::Usable { mhz: 8 }), ConverterClockSource::Crystal);
+        for crystal in [Crystal::Usable { mhz: 12 }, Crystal::Absent, Crystal::Odd { khz: 10_000 }] {
+            assert_eq!(ConverterClockSource::on(crystal), ConverterClockSource::Internal);
         }
     }
 

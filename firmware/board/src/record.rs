@@ -23,6 +23,8 @@ pub(crate) enum Intent {
     Requested = 1,
     /// It met a fault.
     Fault = 2,
+    /// It was asked to hand over to the chip's own loader.
+    EnterLoader = 3,
 }
 
 /// The record. Every pattern of bits is one, sound or not.
@@ -111,12 +113,17 @@ impl Record {
         }
     }
 
+    /// Whether the run that begins is to hand over to the loader; `last` is what the run before left.
+    pub(crate) fn wants_loader(last: Option<Self>, flags: ResetFlags) -> bool {
+        !flags.power_on && last.is_some_and(|last| last.intent == Intent::EnterLoader as u32)
+    }
+
     /// Why the run after this record began.
     fn reason(&self, flags: ResetFlags) -> RestartReason {
         match (self.fault().map(|fault| fault.cause), self.intent) {
             (Some(FaultCause::Hang), 2) => RestartReason::Watchdog,
             (Some(_), 2) => RestartReason::Panic,
-            (_, 1) => RestartReason::Requested,
+            (_, 1 | 3) => RestartReason::Requested,
             _ if flags.brown_out => RestartReason::BrownOut,
             _ if flags.watchdog => RestartReason::Watchdog,
             // A debug probe's doing.
@@ -202,6 +209,19 @@ mod tests {
         let left = Record::FIRST.with_fault(&fault(FaultCause::Panic)).sealed();
         assert_eq!(Record::begin(left.checked(), POWER_ON), (Record::FIRST, RestartReason::PowerOn));
         assert_eq!(Record::begin(None, ResetFlags::default()), (Record::FIRST, RestartReason::PowerOn));
+    }
+
+    #[test]
+    fn the_loader_is_entered_once_and_only_where_it_was_asked_for() {
+        let asked = Record::FIRST.with_intent(Intent::EnterLoader).sealed().checked();
+        assert!(Record::wants_loader(asked, SOFTWARE));
+        // Memory that happens to be so after power-on was not asked.
+        assert!(!Record::wants_loader(asked, POWER_ON));
+        let (next, reason) = Record::begin(asked, SOFTWARE);
+        assert_eq!((reason, next.restarts()), (RestartReason::Requested, 1));
+        for last in [None, next.sealed().checked(), Record::FIRST.with_intent(Intent::Requested).sealed().checked()] {
+            assert!(!Record::wants_loader(last, SOFTWARE), "{last:?}");
+        }
     }
 
     #[test]

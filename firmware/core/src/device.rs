@@ -19,8 +19,8 @@ use heapless::{HistoryBuf, String};
 use palpate_shared::units::DeviceTime;
 use palpate_shared::wire::{
     Block, Channel, ClockSource, Command, CommandId, CommandRead, Counters, DeviceId, Event, EventKind, Failure, Fault,
-    FirmwareVersion, FromDevice, FrontEnd, FrontEndKind, Health, Hello, Outcome, PROTOCOL, Refusal, Reply, Request,
-    RestartReason, Source, Temperature,
+    FirmwareVersion, ForceMatrix, FromDevice, FrontEnd, FrontEndKind, Health, Hello, Outcome, PROTOCOL, Refusal, Reply,
+    Request, RestartReason, Source, Temperature,
 };
 
 use crate::block::BlockBuilder;
@@ -30,6 +30,7 @@ use crate::log::{info, warning};
 use crate::outbox::Outbox;
 use crate::queues::{DeviceEnd, Finding, FrontEndRequest, Notice, READINGS, RequestKind, SamplerState, Tally};
 use crate::settings::{ConverterClock, DeviceSettings, Gain, Rate, WithBlocks};
+use crate::store::NotStored;
 
 /// Version of this firmware.
 pub const FIRMWARE: FirmwareVersion = FirmwareVersion {
@@ -97,6 +98,8 @@ pub struct Identity {
 pub enum Order {
     /// Restart the processor.
     Reboot,
+    /// Restart it into the chip's own loader.
+    EnterLoader,
     /// Fail on purpose, in this way.
     Fail(Failure),
 }
@@ -136,6 +139,15 @@ struct Pending {
 enum Taken {
     Answered(Outcome),
     Asked,
+    /// The board is to keep this in its flash.
+    Store(Option<ForceMatrix>),
+}
+
+/// A command that waits for the board's flash.
+#[derive(Clone, Copy, Debug)]
+struct Storing {
+    command: Asked,
+    matrix: Option<ForceMatrix>,
 }
 
 /// What was counted on the main side; each counter wraps.
@@ -200,10 +212,15 @@ pub struct Device<'q, const OUTBOX: usize> {
     uptime: Option<Uptime>,
     /// When the first call came, until the unasked hello went out.
     hello_due: Option<DeviceTime>,
-    /// `None` on a board that takes no orders.
+    /// Whether the board can restart by itself.
+    takes_restarts: bool,
+    /// `None` on a board that cannot fail on purpose, nor tell of itself.
     board: Option<BoardReport>,
     order: Option<Order>,
     forces: Forces,
+    /// Whether the board's flash can keep the matrix of forces.
+    has_store: bool,
+    storing: Option<Storing>,
 }
 
 impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
@@ -229,14 +246,45 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
             reported_at: DeviceTime(0),
             uptime: None,
             hello_due: None,
+            takes_restarts: false,
             board: None,
             order: None,
             forces: Forces::default(),
+            has_store: false,
+            storing: None,
         }
     }
 
-    /// The board takes orders ([`Self::take_order`]), and this is what it recorded of its last fault.
+    /// The board can keep the matrix of forces over a restart ([`Self::take_store`]), and this one it found.
+    pub fn accept_store(&mut self, kept: Option<ForceMatrix>) {
+        self.has_store = true;
+        self.forces.found(kept);
+    }
+
+    /// What the board is to keep from now on, at once, and then to tell [`Self::stored`]. Nothing is streamed meanwhile, so
+    /// the board may stand still.
+    #[must_use]
+    pub fn take_store(&self) -> Option<Option<ForceMatrix>> {
+        self.storing.map(|storing| storing.matrix)
+    }
+
+    /// The board keeps it, and stood still for so many microseconds; or the flash did not take it.
+    pub fn stored(&mut self, stalled_us: Result<u32, NotStored>) {
+        if let Some(Storing { command, .. }) = self.storing.take() {
+            let outcome =
+                stalled_us.map_or(Outcome::Refused(Refusal::NotStored), |stalled_us| Outcome::Stored { stalled_us });
+            self.conclude(command, outcome);
+        }
+    }
+
+    /// The board takes orders to restart ([`Self::take_order`]).
+    pub fn accept_restarts(&mut self) {
+        self.takes_restarts = true;
+    }
+
+    /// The board takes every order ([`Self::take_order`]), and this is what it recorded of its last fault.
     pub fn accept_orders(&mut self, last_fault: Option<Fault>) {
+        self.accept_restarts();
         self.board = Some(BoardReport { last_fault, health: Health::default() });
     }
 
@@ -395,6 +443,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     fn act(&mut self, command: Asked, request: Request, now: DeviceTime) {
         match self.decide(request, now) {
             Ok(Taken::Answered(outcome)) => self.conclude(command, outcome),
+            Ok(Taken::Store(matrix)) => self.storing = Some(Storing { command, matrix }),
             Ok(Taken::Asked) => self.pending = Some(Pending { ticket: self.ticket, command, since: now }),
             // Repeated with the same id, it shall be acted on, so it is not remembered.
             Err(Refusal::Busy) => self.reply(command.id, Outcome::Refused(Refusal::Busy)),
@@ -412,7 +461,11 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
             Request::LastFault => return Ok(Taken::Answered(Outcome::LastFault(self.board()?.last_fault.clone()))),
             Request::Health => return Ok(Taken::Answered(Outcome::Health(self.board()?.health))),
             Request::Reboot => return self.order(Order::Reboot),
-            Request::Fail { failure } => return self.order(Order::Fail(failure)),
+            Request::EnterLoader => return self.order(Order::EnterLoader),
+            Request::Fail { failure } => {
+                self.board()?;
+                return self.order(Order::Fail(failure));
+            }
             Request::Start => self.check_start()?,
             Request::Stop => RequestKind::Stream(false),
             Request::SetRate { rate_hz } => RequestKind::Apply(self.with_rate(rate_hz)?),
@@ -435,6 +488,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
                 return self.forces.stream(on).map(|()| Taken::Answered(Outcome::Done));
             }
             Request::ForceMatrix => return Ok(Taken::Answered(Outcome::ForceMatrix(self.forces.matrix()))),
+            Request::StoreForceMatrix { keep } => return self.check_store(keep),
         };
         self.ask(kind)
     }
@@ -446,9 +500,21 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
 
     /// Leaves an order for the board.
     fn order(&mut self, order: Order) -> Result<Taken, Refusal> {
-        self.board()?;
+        if !self.takes_restarts {
+            return Err(Refusal::NotOnThisBoard);
+        }
         self.order = Some(order);
         Ok(Taken::Answered(Outcome::Done))
+    }
+
+    /// What the board is to keep, if it can, and may now.
+    fn check_store(&self, keep: bool) -> Result<Taken, Refusal> {
+        if !self.has_store {
+            return Err(Refusal::NotOnThisBoard);
+        }
+        self.check_at_rest()?;
+        let matrix = if keep { Some(self.forces.matrix().ok_or(Refusal::NoForceMatrix)?) } else { None };
+        Ok(Taken::Store(matrix))
     }
 
     /// Passes a request on to the sampler.
@@ -470,6 +536,9 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
 
     /// Whether the link carries the present rate.
     fn check_start(&self) -> Result<RequestKind, Refusal> {
+        if self.storing.is_some() {
+            return Err(Refusal::Busy);
+        }
         self.check_line(self.front_end.state.settings.rate)?;
         Ok(RequestKind::Stream(true))
     }
@@ -498,10 +567,10 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
 
     /// Whether nothing is streamed, nor about to be.
     fn check_at_rest(&self) -> Result<(), Refusal> {
-        match (self.front_end.state.streaming, self.pending) {
+        match (self.front_end.state.streaming, self.pending.is_some() || self.storing.is_some()) {
             (true, _) => Err(Refusal::Streaming),
-            (false, Some(_)) => Err(Refusal::Busy),
-            (false, None) => Ok(()),
+            (false, true) => Err(Refusal::Busy),
+            (false, false) => Ok(()),
         }
     }
 
@@ -517,9 +586,10 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
         if rate.fits_line(link_baud, with) { Ok(()) } else { Err(Refusal::LinkTooSlow { fastest_hz }) }
     }
 
-    /// Whether a command still waits for the sampler.
+    /// Whether a command still waits for the sampler, or for the board's flash.
     fn is_pending(&self, command: Asked) -> bool {
         self.pending.is_some_and(|pending| pending.command == command)
+            || self.storing.is_some_and(|storing| storing.command == command)
     }
 
     /// What came of a command that came before.

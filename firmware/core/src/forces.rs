@@ -1,7 +1,7 @@
 //! Forces computed on the device: the matrix that a host has it keep, and the mean force of each block.
 //!
-//! The arithmetic is [`ForceMatrix::force_un`], the same as on hosts. The matrix is kept in memory: who wants forces sends it
-//! after each start. Errors: [`Refusal`].
+//! The arithmetic is [`ForceMatrix::force_un`], the same as on hosts. The matrix is kept in memory; a board with a store may have
+//! found it there at its start. Errors: [`Refusal`].
 
 use palpate_shared::wire::{Block, ForceMatrix, MeanForce, Refusal};
 
@@ -15,6 +15,11 @@ pub(crate) struct Forces {
 }
 
 impl Forces {
+    /// What a board found in its flash.
+    pub(crate) fn found(&mut self, kept: Option<ForceMatrix>) {
+        self.matrix = kept;
+    }
+
     /// Keeps a matrix.
     pub(crate) fn keep(&mut self, matrix: ForceMatrix, checksum: u32) -> Result<(), Refusal> {
         if matrix.checksum() != checksum || !matrix.is_sound() {

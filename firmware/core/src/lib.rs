@@ -16,7 +16,7 @@
 //! - [`block`], [`outbox`]: samples into messages, messages into bytes;
 //! - [`link`]: which of two ways to a host is in use;
 //! - [`device`]: the host's commands, events, counters;
-//! - `forces`: the matrix that a host has the device keep, and forces by it;
+//! - `forces`: the matrix that a host has the device keep, and forces by it; [`store`]: how a flash keeps it over a restart;
 //! - `inputs`: which changes of the digital inputs are told;
 //! - `log`: log lines, where `defmt` is on.
 //!
@@ -41,6 +41,7 @@ pub mod outbox;
 pub mod queues;
 pub mod sampler;
 pub mod settings;
+pub mod store;
 
 mod clock;
 mod forces;

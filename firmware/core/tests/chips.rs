@@ -7,6 +7,10 @@
 mod commands_status_at_frame_end;
 #[path = "conservation.rs"]
 mod conservation_status_at_frame_end;
+#[path = "forces.rs"]
+mod forces_status_at_frame_end;
+#[path = "inputs.rs"]
+mod inputs_status_at_frame_end;
 #[path = "links.rs"]
 mod links_status_at_frame_end;
 #[path = "orders.rs"]
@@ -20,6 +24,10 @@ mod threads_status_at_frame_end;
 mod commands_reset_at_last_clock;
 #[path = "conservation.rs"]
 mod conservation_reset_at_last_clock;
+#[path = "forces.rs"]
+mod forces_reset_at_last_clock;
+#[path = "inputs.rs"]
+mod inputs_reset_at_last_clock;
 #[path = "links.rs"]
 mod links_reset_at_last_clock;
 #[path = "orders.rs"]
@@ -33,6 +41,10 @@ mod threads_reset_at_last_clock;
 mod commands_status_at_frame_end_reset_at_last_clock;
 #[path = "conservation.rs"]
 mod conservation_status_at_frame_end_reset_at_last_clock;
+#[path = "forces.rs"]
+mod forces_status_at_frame_end_reset_at_last_clock;
+#[path = "inputs.rs"]
+mod inputs_status_at_frame_end_reset_at_last_clock;
 #[path = "links.rs"]
 mod links_status_at_frame_end_reset_at_last_clock;
 #[path = "orders.rs"]
@@ -46,6 +58,10 @@ mod threads_status_at_frame_end_reset_at_last_clock;
 mod commands_four_channels;
 #[path = "conservation.rs"]
 mod conservation_four_channels;
+#[path = "forces.rs"]
+mod forces_four_channels;
+#[path = "inputs.rs"]
+mod inputs_four_channels;
 #[path = "links.rs"]
 mod links_four_channels;
 #[path = "orders.rs"]

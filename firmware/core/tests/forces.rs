@@ -2,6 +2,7 @@
 
 mod rig;
 
+use palpate_firmware_core::store::NotStored;
 use palpate_shared::force::ForceMatrix;
 use palpate_shared::sim::{ContactLoad, FingerConfig, Load};
 use palpate_shared::wire::{FromDevice, MeanForce, Outcome, Refusal, Request};
@@ -103,5 +104,60 @@ fn a_line_that_does_not_carry_them_refuses_forces_and_rates() {
         assert_eq!(rig.ask(Request::SetRate { rate_hz: 4000 }), Outcome::Done);
         assert_eq!(rig.ask(Request::StreamForces { on: true }), Outcome::Done);
         assert_eq!(rig.ask(Request::SetRate { rate_hz: 8000 }), too_slow);
+    });
+}
+
+#[test]
+fn a_matrix_is_stored_at_rest_by_a_board_that_can_and_answered_once_it_is() {
+    started(Bench::default(), |rig| {
+        let refused = |refusal| Outcome::Refused(refusal);
+        let (store, forget) = (Request::StoreForceMatrix { keep: true }, Request::StoreForceMatrix { keep: false });
+        assert_eq!(rig.ask(store), refused(Refusal::NotOnThisBoard));
+        rig.device.accept_store(None);
+        assert_eq!(rig.ask(store), refused(Refusal::NoForceMatrix));
+        assert_eq!(rig.ask(set(matrix())), Outcome::Done);
+        let id = rig.send(store);
+        // The host loses patience: it is not stored twice. Nothing starts meanwhile, since the chip may stand still.
+        rig.send_as(id, store);
+        let (start, other) = (rig.send(Request::Start), rig.send(forget));
+        rig.run(20);
+        assert_eq!(rig.outcomes(id), []);
+        assert_eq!([start, other].map(|id| rig.outcomes(id)), [[refused(Refusal::Busy)], [refused(Refusal::Busy)]]);
+        assert_eq!(rig.device.take_store(), Some(Some(matrix())));
+        rig.device.stored(Ok(300));
+        rig.run(20);
+        assert_eq!(rig.outcomes(id), [Outcome::Stored { stalled_us: 300 }]);
+        rig.send_as(id, store);
+        rig.run(20);
+        assert_eq!(rig.outcomes(id).len(), 2);
+        assert_eq!(rig.device.take_store(), None);
+        // A flash that does not take it; and none any more.
+        for (request, matrix, result, outcome) in [
+            (store, Some(matrix()), Err(NotStored), refused(Refusal::NotStored)),
+            (forget, None, Ok(0), Outcome::Stored { stalled_us: 0 }),
+        ] {
+            let id = rig.send(request);
+            assert_eq!(rig.device.take_store(), Some(matrix));
+            rig.device.stored(result);
+            rig.run(20);
+            assert_eq!(rig.outcomes(id), [outcome]);
+        }
+        rig.start_streaming();
+        for request in [store, forget] {
+            assert_eq!(rig.ask(request), refused(Refusal::Streaming));
+        }
+        assert_eq!((rig.device.take_store(), rig.heard.gaps()), (None, 0));
+    });
+}
+
+#[test]
+fn what_a_board_found_in_its_flash_is_the_matrix_until_a_host_gives_another() {
+    started(Bench::default(), |rig| {
+        rig.device.accept_store(Some(matrix()));
+        assert_eq!(rig.ask(Request::ForceMatrix), Outcome::ForceMatrix(Some(matrix())));
+        assert_eq!(rig.ask(Request::StreamForces { on: true }), Outcome::Done);
+        rig.start_streaming();
+        rig.run(400);
+        assert!(!forces(rig).is_empty());
     });
 }

@@ -7,8 +7,9 @@ use palpate_shared::sim::FingerConfig;
 use palpate_shared::wire::{Failure, Fault, FaultCause, Health, Outcome, Refusal, Request};
 use rig::{Bench, Rig, World};
 
-const REQUESTS: [Request; 4] =
-    [Request::LastFault, Request::Health, Request::Reboot, Request::Fail { failure: Failure::Panic }];
+const FAIL: Request = Request::Fail { failure: Failure::StackOverflow };
+
+const REQUESTS: [Request; 5] = [Request::LastFault, Request::Health, Request::Reboot, Request::EnterLoader, FAIL];
 
 fn fault() -> Fault {
     Fault {
@@ -51,8 +52,12 @@ fn an_order_is_answered_before_it_is_given_and_given_once() {
     let mut rig = Rig::new(&mut world, Bench::default());
     rig.device.accept_orders(None);
     assert_eq!(rig.ask(Request::LastFault), Outcome::LastFault(None));
-    let fail = Request::Fail { failure: Failure::StackOverflow };
-    for (request, order) in [(Request::Reboot, Order::Reboot), (fail, Order::Fail(Failure::StackOverflow))] {
+    let orders = [
+        (Request::Reboot, Order::Reboot),
+        (Request::EnterLoader, Order::EnterLoader),
+        (FAIL, Order::Fail(Failure::StackOverflow)),
+    ];
+    for (request, order) in orders {
         let id = rig.send(request);
         // The command again, as when its reply was lost.
         rig.send_as(id, request);
@@ -60,4 +65,19 @@ fn an_order_is_answered_before_it_is_given_and_given_once() {
         assert_eq!(rig.outcomes(id), [Outcome::Done, Outcome::Done]);
         assert_eq!((rig.device.take_order(), rig.device.take_order()), (Some(order), None));
     }
+}
+
+#[test]
+fn a_device_that_can_only_restart_takes_no_other_order() {
+    let mut world = World::new(FingerConfig::default(), 1);
+    let mut rig = Rig::new(&mut world, Bench::default());
+    rig.device.accept_restarts();
+    for (request, order) in [(Request::Reboot, Order::Reboot), (Request::EnterLoader, Order::EnterLoader)] {
+        assert_eq!(rig.ask(request), Outcome::Done);
+        assert_eq!(rig.device.take_order(), Some(order));
+    }
+    for request in [Request::LastFault, Request::Health, FAIL] {
+        assert_eq!(rig.ask(request), Outcome::Refused(Refusal::NotOnThisBoard), "{request:?}");
+    }
+    assert_eq!(rig.device.take_order(), None);
 }

@@ -17,16 +17,13 @@ use stm32f4::stm32f405::{OTG_FS_DEVICE, OTG_FS_GLOBAL, OTG_FS_PWRCLK, RCC};
 use synopsys_usb_otg::{UsbBus, UsbPeripheral};
 use usb_device::bus::UsbBusAllocator;
 
-use crate::port::{MEMORY_WORDS, Port};
+use crate::port::{MEMORY_WORDS, Maker, NUMBER, Port};
 
 /// `OTG_FS_CID` of an STM32F405, and of later chips of its line.
 const CORE_IDS: [u32; 2] = [0x1100, 0x1200];
 
 /// How often the unit is looked at: 60 µs and more; it resets within some of its 48 MHz clock's periods.
 const POLLS: u32 = 1000;
-
-/// Characters of the device's number.
-const SERIAL_NUMBER: usize = 24;
 
 /// The unit's registers, for the driver.
 struct Unit {
@@ -52,7 +49,7 @@ unsafe impl UsbPeripheral for Unit {
 /// What the port needs in places that are there for good.
 pub struct Memory {
     endpoints: [u32; MEMORY_WORDS],
-    serial_number: String<SERIAL_NUMBER>,
+    serial_number: String<63>,
     bus: MaybeUninit<UsbBusAllocator<UsbBus<Unit>>>,
 }
 
@@ -81,12 +78,12 @@ pub struct Clock {
 }
 
 /// Starts the port, if the unit is there and its clock is good enough; `number` is the device's, for the host to know
-/// it by.
+/// it by, `maker` who made the board.
 #[inline(never)]
 pub fn start(
     registers: Registers,
     rcc: &RCC,
-    (clock, number): (Clock, [u8; SERIAL_NUMBER / 2]),
+    (clock, maker, number): (Clock, Maker, [u8; NUMBER / 2]),
     memory: &'static mut Memory,
 ) -> Option<Usb> {
     rcc.ahb2enr().modify(|_, w| w.otgfsen().set_bit());
@@ -99,22 +96,14 @@ pub fn start(
         rcc.ahb2enr().modify(|_, w| w.otgfsen().clear_bit());
         return None;
     }
-    for byte in number {
-        // Two digits for each byte: it fits.
-        let _ = [byte >> 4, byte & 0xF].into_iter().try_for_each(|digit| memory.serial_number.push(hex(digit)));
-    }
+    memory.serial_number = maker.serial_number(&number);
     let bus = memory.bus.write(UsbBus::new(Unit { core_hz: clock.core_hz }, &mut memory.endpoints));
-    Port::new(bus, &memory.serial_number).map(Usb)
+    Port::new(bus, maker, &memory.serial_number).map(Usb)
 }
 
 /// Whether something comes true while it is looked at so many times.
 fn within(polls: u32, is_true: impl Fn() -> bool) -> bool {
     (0..polls).any(|_| is_true())
-}
-
-/// A digit of a hexadecimal number.
-fn hex(digit: u8) -> char {
-    char::from_digit(u32::from(digit), 16).unwrap_or('?')
 }
 
 /// Whether the unit is there and can be reset.

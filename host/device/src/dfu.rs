@@ -1,22 +1,28 @@
 //! The chip's own USB loader: an image onto a board without a debug probe.
 //!
 //! [`FirmwareFile`] is what a file has to be before anything is erased; [`flash`] speaks the loader's protocol over a
-//! [`DfuPort`], erases what the image needs, writes it, reads it back, and starts it. Tested against a loader in memory
-//! (`simulated`), which checks the order of requests; **no test has spoken to a chip over USB**.
+//! [`DfuPort`], erases what the image needs, writes it, reads it back, and starts it. What the image leaves free, such as where
+//! the board keeps the matrix of its forces, is left as it is. Tested against a loader in memory ([`simulated`]), which
+//! checks the order of requests; `usb` (feature `usb`) finds loaders that are plugged in. **No test has spoken to a chip over USB.**
 //!
 //! Implements: DFU 1.1 (requests, states, the suffix of files), and ST's extension of it (AN3156: set address and erase are
 //! downloads with block number 0, data have numbers from 2 on). Sectors: STM32F405 (RM0090, table 5).
 //! Errors: [`NotAFirmware`], [`FlashError`].
 
+mod elf;
 mod file;
-#[cfg(test)]
-mod simulated;
+pub mod simulated;
 #[cfg(test)]
 mod tests;
+#[cfg(feature = "usb")]
+pub mod usb;
 
 pub use file::{FirmwareFile, NotAFirmware};
 
 use std::time::Duration;
+
+/// Vendor and product of the chip's loader.
+pub const LOADER: (u16, u16) = (0x0483, 0xDF11);
 
 /// Where the chip's flash begins.
 pub const FLASH_START: u32 = 0x0800_0000;
@@ -95,6 +101,13 @@ pub trait DfuPort {
     /// Why a request failed.
     type Error: std::error::Error;
 
+    /// How the loader names the memory that it writes, and its sectors: the name of its interface (AN3156's and UM0424's
+    /// form: `@Internal Flash  /0x08000000/04*016Kg,01*064Kg,07*128Kg`).
+    ///
+    /// # Errors
+    /// If it does not say.
+    fn memory(&mut self) -> Result<String, Self::Error>;
+
     /// `DFU_DNLOAD`.
     ///
     /// # Errors
@@ -140,6 +153,14 @@ pub enum FlashError<E> {
         step: Step,
         /// Why it failed.
         source: E,
+    },
+    /// The loader is that of another chip.
+    #[error(
+        "the loader is of another chip: it names its memory {memory:?}, an STM32F405RG's has 4 sectors of 16 KiB, 1 of 64 and 7 of 128"
+    )]
+    OtherChip {
+        /// What it calls its memory.
+        memory: String,
     },
     /// The loader reports an error.
     #[error("the loader reports error {error} while {step}: {}", meaning(*error))]
@@ -217,18 +238,61 @@ fn meaning(error: u8) -> &'static str {
     }
 }
 
-/// The first addresses of the sectors that so many bytes from the flash's beginning lie in.
-fn sectors(bytes: u32) -> impl Iterator<Item = u32> {
-    let begins = SECTORS_KIB.into_iter().scan(0, |end, kib| {
+/// What an erased byte reads.
+const ERASED: u8 = 0xFF;
+
+/// The sectors that an image needs: where each begins, and what it is to hold, as far as the image reaches. Those that it leaves
+/// free are none of them.
+fn sectors(image: &[u8]) -> impl Iterator<Item = (u32, &[u8])> {
+    let mut rest = image;
+    let all = SECTORS_KIB.into_iter().scan(FLASH_START, move |end, kib| {
         let begin = *end;
         *end += kib * 1024;
-        Some(begin)
+        let (here, behind) = rest.split_at(rest.len().min(kib as usize * 1024));
+        rest = behind;
+        Some((begin, here))
     });
-    begins.take_while(move |&begin| begin < bytes).map(|begin| FLASH_START + begin)
+    all.filter(|(_, bytes)| bytes.iter().any(|&byte| byte != ERASED))
+}
+
+/// Where each transfer of an image goes, and what it brings.
+fn transfers(image: &[u8]) -> impl Iterator<Item = (u32, &[u8])> {
+    sectors(image).flat_map(|(begin, bytes)| (begin..).step_by(TRANSFER_BYTES).zip(bytes.chunks(TRANSFER_BYTES)))
+}
+
+/// How many steps [`flash`] tells of.
+#[must_use]
+pub fn steps(file: &FirmwareFile) -> usize {
+    sectors(file.bytes()).count() + 2 * transfers(file.bytes()).count() + 1
+}
+
+/// How many sectors an image needs.
+#[must_use]
+pub fn sectors_needed(file: &FirmwareFile) -> usize {
+    sectors(file.bytes()).count()
+}
+
+/// The sizes of the sectors that a loader names, in KiB; `None` if that cannot be read.
+fn named_sectors(memory: &str) -> Option<Vec<u32>> {
+    let (_, place) = memory.split_once('/')?;
+    let (start, sectors) = place.trim().split_once('/')?;
+    if u32::from_str_radix(start.trim().strip_prefix("0x")?, 16).ok()? != FLASH_START {
+        return None;
+    }
+    let mut sizes = Vec::new();
+    for group in sectors.split(',') {
+        let (count, size) = group.trim().split_once('*')?;
+        let (size, in_kib) = size.split_at_checked(size.find(|letter: char| !letter.is_ascii_digit())?)?;
+        let kib = size.parse::<u32>().ok()? * if in_kib.starts_with('K') { 1 } else { return None };
+        // No chip has more; a name that says so is none.
+        let count = count.parse::<usize>().ok().filter(|count| *count <= 1024)?;
+        sizes.extend(std::iter::repeat_n(kib, count));
+    }
+    Some(sizes)
 }
 
 /// Puts an image onto the board behind a loader: erases the sectors that it needs, writes it, reads it back, and starts
-/// it. Tells each step before it is taken.
+/// it. Tells each step before it is taken, [`steps`] in all.
 ///
 /// # Errors
 /// [`FlashError`].
@@ -238,20 +302,19 @@ pub fn flash<P: DfuPort>(
     mut tell: impl FnMut(Step),
 ) -> Result<(), FlashError<P::Error>> {
     let mut loader = Loader { port, step: Step::Beginning };
+    loader.check_chip()?;
     loader.rest()?;
     let bytes = file.bytes();
-    let length = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
-    for address in sectors(length) {
+    for (address, _) in sectors(bytes) {
         tell(loader.begin(Step::Erasing(address)));
         loader.order(0x41, address)?;
     }
-    let places = || (FLASH_START..).step_by(TRANSFER_BYTES).zip(bytes.chunks(TRANSFER_BYTES));
-    for (address, data) in places() {
+    for (address, data) in transfers(bytes) {
         tell(loader.begin(Step::Writing(address)));
         loader.order(0x21, address)?;
         loader.download(FIRST_DATA_BLOCK, data)?;
     }
-    for (address, data) in places() {
+    for (address, data) in transfers(bytes) {
         tell(loader.begin(Step::Reading(address)));
         loader.compare(address, data)?;
     }
@@ -278,6 +341,13 @@ impl<P: DfuPort> Loader<'_, P> {
     fn status(&mut self) -> Result<Status, FlashError<P::Error>> {
         let bytes = self.port.status().map_err(|source| self.failed(source))?;
         Ok(Status::of(bytes))
+    }
+
+    /// Other chips of the same maker have the same loader, and other sectors.
+    fn check_chip(&mut self) -> Result<(), FlashError<P::Error>> {
+        let memory = self.port.memory().map_err(|source| self.failed(source))?;
+        let is_ours = named_sectors(&memory).is_some_and(|sizes| sizes == SECTORS_KIB);
+        if is_ours { Ok(()) } else { Err(FlashError::OtherChip { memory }) }
     }
 
     /// Brings it to rest, whatever somebody before left.

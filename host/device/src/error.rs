@@ -248,6 +248,7 @@ fn in_words(refusal: Refusal) -> String {
         Refusal::Streaming => "it streams samples".to_owned(),
         Refusal::MatrixDamaged => "the matrix came damaged, or holds numbers that are too large".to_owned(),
         Refusal::NoForceMatrix => "it has no matrix to compute forces by".to_owned(),
+        Refusal::NotStored => "its flash did not take it; what it keeps is as before".to_owned(),
     }
 }
 

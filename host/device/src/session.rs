@@ -755,6 +755,31 @@ impl Session {
         self.request(Request::StreamForces { on: matrix.is_some() }).map(drop)
     }
 
+    /// The matrix by which the device computes forces; from its flash, where nobody gave it another since it started.
+    ///
+    /// # Errors
+    /// As [`Session::request`].
+    pub fn device_matrix(&mut self) -> Result<Option<ForceMatrix>, LinkError> {
+        match self.request(Request::ForceMatrix)? {
+            Outcome::ForceMatrix(matrix) => Ok(matrix),
+            _ => Err(LinkError::WrongAnswer { request: in_words(Request::ForceMatrix) }),
+        }
+    }
+
+    /// Has the device keep its matrix over restarts, in its flash, or no longer; gives for how long it stood still. Not while
+    /// it streams.
+    ///
+    /// # Errors
+    /// As [`Session::request`]; refused where it has no matrix, or its flash does not take it, and by firmware that speaks a
+    /// protocol before 1.7.
+    pub fn store_device_matrix(&mut self, keep: bool) -> Result<Duration, LinkError> {
+        let request = Request::StoreForceMatrix { keep };
+        match self.request(request)? {
+            Outcome::Stored { stalled_us } => Ok(Duration::from_micros(stalled_us.into())),
+            _ => Err(LinkError::WrongAnswer { request: in_words(request) }),
+        }
+    }
+
     /// How the device's forces compared with its samples so far.
     #[must_use]
     pub fn force_check(&self) -> ForceCheck {
@@ -767,6 +792,14 @@ impl Session {
     /// As [`Session::request`]; refused by devices that cannot.
     pub fn reboot(&mut self) -> Result<(), LinkError> {
         self.request(Request::Reboot).map(drop)
+    }
+
+    /// Restarts the device into its chip's own loader, which speaks DFU over USB and nothing on this link.
+    ///
+    /// # Errors
+    /// As [`Session::request`]; refused by devices that cannot, and by firmware that speaks a protocol before 1.6.
+    pub fn enter_loader(&mut self) -> Result<(), LinkError> {
+        self.request(Request::EnterLoader).map(drop)
     }
 
     /// Measures the round trip to the device, and with it the offset between the clocks.
@@ -1471,5 +1504,8 @@ fn in_words(request: Request) -> String {
         Request::StreamForces { on: true } => "to send forces".to_owned(),
         Request::StreamForces { on: false } => "to send no forces".to_owned(),
         Request::ForceMatrix => "for the matrix of its forces".to_owned(),
+        Request::EnterLoader => "to restart into its loader".to_owned(),
+        Request::StoreForceMatrix { keep: true } => "to store the matrix of its forces".to_owned(),
+        Request::StoreForceMatrix { keep: false } => "to store no matrix of its forces".to_owned(),
     }
 }

@@ -23,20 +23,20 @@ fn run(arguments: &[&str]) -> Output {
     palpate(arguments).stdin(Stdio::null()).output().unwrap()
 }
 
-fn text(bytes: &[u8]) -> String {
+pub(super) fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
 /// A simulated device in a terminal of its own.
-struct Terminal {
+pub(super) struct Terminal {
     child: Child,
     orders: ChildStdin,
     answers: BufReader<ChildStdout>,
-    path: String,
+    pub(super) path: String,
 }
 
 impl Terminal {
-    fn simulate_device(arguments: &[&str]) -> Self {
+    pub(super) fn simulate_device(arguments: &[&str]) -> Self {
         let mut command = palpate(&["simulate-device"]);
         let mut child = command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
         let (orders, mut answers) = (child.stdin.take().unwrap(), BufReader::new(child.stdout.take().unwrap()));

@@ -13,6 +13,8 @@ mod contact;
 mod devices;
 #[cfg(unix)]
 mod exported;
+#[cfg(feature = "flash")]
+mod flash;
 #[cfg(all(unix, feature = "foxglove"))]
 mod foxglove;
 mod friction;
@@ -50,6 +52,7 @@ mod touch;
 mod tutorial;
 mod warnings;
 mod width;
+mod zero_drift;
 
 /// The tool's binary.
 const PALPATE: &str = env!("CARGO_BIN_EXE_palpate");

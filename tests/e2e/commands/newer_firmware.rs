@@ -277,7 +277,8 @@ fn refusals() -> impl Strategy<Value = Refusal> {
                 Refusal::NotOnThisBoard,
                 Refusal::Streaming,
                 Refusal::MatrixDamaged,
-                Refusal::NoForceMatrix
+                Refusal::NoForceMatrix,
+                Refusal::NotStored
             ][..]
         ),
     ]

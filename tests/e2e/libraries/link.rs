@@ -8,6 +8,7 @@ use palpate::math::random::Draw;
 use palpate_device::session::{SessionCounts, SessionOptions};
 use palpate_device::simulated::{Config, Line, Pace};
 use palpate_device::{Address, Incoming, LinkError, Session};
+use palpate_shared::force::ForceMatrix;
 use palpate_shared::frame::{FRAME_MAX, encode};
 use palpate_shared::sim::{ContactLoad, Faults, FloatingBus, Load};
 use palpate_shared::wire::{Checks, EventKind, PROTOCOL, Refusal, Request, RestartReason, Source, Status};
@@ -135,6 +136,54 @@ fn a_device_that_restarts_gets_its_settings_back() {
     assert_in_order(&blocks);
     assert_eq!((session.hello().rate_hz, session.hello().gain), (2000, 16));
     assert_eq!(session.counts().restarts, 1);
+}
+
+#[test]
+fn a_device_that_is_left_to_its_loader_answers_and_is_silent_until_it_restarts() {
+    let device = rig::device(4, rig::real_line());
+    let mut session = rig::session(&device);
+    session.set_rate(2000).unwrap();
+    session.start().unwrap();
+    rig::samples(&mut session, 100);
+    session.enter_loader().unwrap();
+    rig::wait_for(&mut session, |incoming| matches!(incoming, Incoming::Silent { .. }).then_some(()));
+    assert!(matches!(session.ping(), Err(LinkError::Unanswered { .. })), "a loader knows no ping");
+    device.restart().unwrap();
+    rig::wait_for(&mut session, |incoming| matches!(incoming, Incoming::Restarted(_)).then_some(()));
+    rig::samples(&mut session, 100);
+    assert_eq!(session.hello().rate_hz, 2000);
+    // By its own, as a board that is asked to.
+    session.reboot().unwrap();
+    rig::wait_for(&mut session, |incoming| matches!(incoming, Incoming::Restarted(_)).then_some(()));
+    assert_eq!((session.hello().restart, session.hello().restarts), (RestartReason::Requested, 2));
+}
+
+#[test]
+fn a_matrix_that_is_stored_outlives_restarts_and_no_other_does() {
+    let device = rig::device(5, Line::Pipe);
+    let mut session = rig::session(&device);
+    let matrix = |tare| ForceMatrix::new([[-37.45e-6, 1e-6], [0.0, 37e-6]], [tare, 0.0]).unwrap();
+    let give = |session: &mut Session, matrix: ForceMatrix| {
+        session.request(Request::SetForceMatrix { matrix, checksum: matrix.checksum() }).unwrap();
+    };
+    let restart = |session: &mut Session| {
+        device.restart().unwrap();
+        rig::wait_for(session, |incoming| matches!(incoming, Incoming::Restarted(_)).then_some(()));
+        session.device_matrix().unwrap()
+    };
+    assert_eq!(session.device_matrix().unwrap(), None);
+    give(&mut session, matrix(100.0));
+    assert!(session.store_device_matrix(true).unwrap() > Duration::ZERO);
+    give(&mut session, matrix(200.0));
+    assert_eq!(session.device_matrix().unwrap(), Some(matrix(200.0)));
+    assert_eq!(restart(&mut session), Some(matrix(100.0)), "the one that was stored");
+    session.start().unwrap();
+    rig::samples(&mut session, 100);
+    let refused = session.store_device_matrix(false).unwrap_err();
+    assert!(matches!(refused, LinkError::Refused { refusal: Refusal::Streaming, .. }), "{refused}");
+    session.stop().unwrap();
+    session.store_device_matrix(false).unwrap();
+    assert_eq!(restart(&mut session), None);
 }
 
 #[test]

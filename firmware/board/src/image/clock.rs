@@ -11,7 +11,7 @@
 use palpate_shared::wire::ClockSource;
 use stm32f4::stm32f405::{FLASH, RCC, TIM11};
 
-use crate::crystal::{Crystal, Periods};
+use crate::crystal::{ConverterClockSource, Crystal, Periods};
 
 /// The internal oscillator, in MHz.
 const INTERNAL_MHZ: u8 = 16;
@@ -115,6 +115,14 @@ pub(super) fn start(rcc: &RCC, flash: &FLASH, counter: &TIM11) -> Clock {
         rcc.cr().modify(|_, w| w.hseon().clear_bit());
     }
     if start_pll(rcc, flash, crystal) { Clock::fast(crystal) } else { Clock::bare(crystal) }
+}
+
+/// Puts 8 MHz for the converter out at the pin MCO1 (PA8; RM0090, section 7.2.10), once the clock runs.
+pub(super) fn give_out(rcc: &RCC, crystal: Crystal) {
+    rcc.cfgr().modify(|_, w| match ConverterClockSource::on(crystal) {
+        ConverterClockSource::Crystal => w.mco1pre().div1().mco1().hse(),
+        ConverterClockSource::Internal => w.mco1pre().div2().mco1().hsi(),
+    });
 }
 
 /// Back to the internal oscillator, which the core runs on after a reset; a boot loader may have left it otherwise.

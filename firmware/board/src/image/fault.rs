@@ -81,6 +81,8 @@ pub(super) struct Before {
     pub(super) reason: RestartReason,
     pub(super) restarts: u16,
     pub(super) fault: Option<Fault>,
+    /// The chip's own loader is to take over.
+    pub(super) wants_loader: bool,
 }
 
 /// Begins a run: finds out why, and leaves a fresh record.
@@ -94,9 +96,11 @@ pub(super) fn begin(rcc: &RCC) -> Before {
         pin: csr.padrstf().bit(),
     };
     rcc.csr().modify(|_, w| w.rmvf().set_bit());
-    let (record, reason) = Record::begin(load().checked(), flags);
+    let last = load().checked();
+    let (record, reason) = Record::begin(last, flags);
     store(record);
-    Before { reason, restarts: record.restarts(), fault: record.fault() }
+    let wants_loader = Record::wants_loader(last, flags);
+    Before { reason, restarts: record.restarts(), fault: record.fault(), wants_loader }
 }
 
 /// The watchdogs: one in SysTick, which can tell, and the chip's, which always works.
@@ -149,6 +153,12 @@ pub(super) fn watch(ticks: u32) {
 /// Restarts, as the host has asked.
 pub(super) fn reboot() -> ! {
     store(load().with_intent(Intent::Requested));
+    SCB::sys_reset()
+}
+
+/// Restarts, to hand over to the chip's own loader. By way of a reset, since nothing else stops the independent watchdog.
+pub(super) fn enter_loader() -> ! {
+    store(load().with_intent(Intent::EnterLoader));
     SCB::sys_reset()
 }
 

@@ -4,15 +4,24 @@
 //! told apart by the debug unit's identity, which reads 0 there. The hello names it, so that nothing which an
 //! emulator says can pass for a measurement on hardware.
 
-use cortex_m::peripheral::SYST;
+use cortex_m::peripheral::{SCB, SYST};
 use palpate_shared::wire::{ClockSource, DeviceId};
-use stm32f4::stm32f405::DBGMCU;
+use stm32f4::stm32f405::{DBGMCU, RCC, SYSCFG};
 
 use super::clock::Clock;
 use crate::crystal::Crystal;
 
 /// The factory-programmed unique number, 96 bits (RM0090, section 39.1).
 const UNIQUE_NUMBER: *const [u8; 12] = 0x1FFF_7A10 as *const _;
+
+/// The chip's own loader, which begins with its vector table (RM0090, section 2.4; AN2606).
+const LOADER: u32 = 0x1FFF_0000;
+
+/// Bytes of the memory that it lies in.
+const LOADER_BYTES: u32 = 30 * 1024;
+
+/// What the upper bits of an address in the chip's RAM are.
+const RAM_PREFIX: u32 = 0x2000_0000 >> 20;
 
 /// The emulator's core runs eight times as fast as its reference clock, whose speed it states.
 const REFERENCE_DIVIDER: u32 = 8;
@@ -34,6 +43,36 @@ impl Machine {
     /// another device than 413.
     pub(super) fn detect(debug_unit: &DBGMCU) -> Self {
         if debug_unit.idcode().read().bits() == 0 { Self::Emulator } else { Self::Chip }
+    }
+
+    /// Hands over to the chip's own loader, which stays until the next reset. Comes back where there is none: an emulator
+    /// has none, and something else may be where it should be.
+    pub(super) fn enter_loader(self, (rcc, system): (&RCC, &SYSCFG), control: &SCB) {
+        if self == Self::Emulator {
+            return;
+        }
+        let table = LOADER as *const u32;
+        // SAFETY: on this chip the addresses hold words that never change.
+        #[expect(unsafe_code, reason = "the loader is at an address and nowhere else")]
+        let (stack, start) = unsafe { (table.read_volatile(), table.add(1).read_volatile()) };
+        if stack >> 20 != RAM_PREFIX || !(LOADER..LOADER + LOADER_BYTES).contains(&start) {
+            defmt::warn!("no loader: stack {=u32:#x}, start {=u32:#x}", stack, start);
+            return;
+        }
+        rcc.apb2enr().modify(|_, w| w.syscfgen().set_bit());
+        // Two cycles of its bus until it hears (ES0182, 2.1.13).
+        let _ = rcc.apb2enr().read();
+        cortex_m::asm::dsb();
+        // It shows at address 0, as after a reset with BOOT0 high.
+        system.memrmp().write(|w| w.mem_mode().system_flash());
+        // SAFETY: nothing runs but this, no interrupt is on, and what runs next brings its own stack and vectors.
+        #[expect(unsafe_code, reason = "another program takes over")]
+        unsafe {
+            control.vtor.write(LOADER);
+            cortex_m::asm::dsb();
+            cortex_m::asm::isb();
+            cortex_m::asm::bootload(table)
+        }
     }
 
     /// The board's name, and whether it can be talked to over USB, or why not. At most 24 characters.

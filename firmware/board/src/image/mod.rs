@@ -11,12 +11,13 @@
 //! ever waits for another one. None is held off by a lock but for a hand-over at start-up and, where a host uses USB,
 //! for a packet's way in or out of its unit.
 //!
-//! Start-up: `machine` (chip or emulator), `clock`, `pins`, `handover` (what an interrupt owns from then on); what the
+//! Start-up: `machine` (chip or emulator, and the chip's own loader), `clock`, `pins`, `handover` (what an interrupt owns from then on); what the
 //! sampler reads: `front_end`; when something goes wrong: `fault`; how much is in use: `meter` (cycles), `stack`; how warm it
-//! is: `thermometer`.
+//! is: `thermometer`; what outlives a restart: `flash`.
 
 mod clock;
 mod fault;
+mod flash;
 mod front_end;
 mod handover;
 mod line;
@@ -35,13 +36,17 @@ use cortex_m_rt::entry;
 use defmt_rtt as _;
 use heapless::spsc::Queue;
 use palpate_firmware_core::device::Order;
+use palpate_firmware_core::store::MatrixStore;
 use palpate_firmware_core::{ConverterClock, Device, DeviceSettings, Identity, Link, Queues, Sampler};
+use palpate_firmware_usb::port::Maker;
 use palpate_firmware_usb::unit::{self as usb, Usb};
 use palpate_shared::sim::SimulatedFrontEnd;
 use palpate_shared::wire::{Axis, Bridge, Channel, ClockSource, FrontEndKind, Health, Source};
 use stm32f4::stm32f405::Peripherals;
 
+use crate::crystal::CONVERTER_CLOCK_HZ;
 use fault::Watchdog;
+use flash::Sectors;
 use front_end::{Bus, Chip};
 use line::Line;
 use machine::Machine;
@@ -55,10 +60,22 @@ const OUTBOX_BYTES: usize = 4096;
 /// Bridge excitation on the board, in mV: `docs/HARDWARE.md` says why not more.
 const EXCITATION_MV: u16 = 2500;
 
-/// The oscillator at the converter: what `PALPATE_CONVERTER_CLOCK_HZ` said when the image was built, or 8.192 MHz.
-const CONVERTER_CLOCK: ConverterClock = match option_env!("PALPATE_CONVERTER_CLOCK_HZ") {
-    None => ConverterClock::NOMINAL,
-    Some(digits) => match u32::from_str_radix(digits, 10) {
+/// Whether the board makes the converter's clock, at pin PA8: `PALPATE_CONVERTER_CLOCK_PIN=PA8` when the image was built.
+const GIVES_CLOCK: bool = match option_env!("PALPATE_CONVERTER_CLOCK_PIN") {
+    None => false,
+    Some(pin) => match pin.as_bytes() {
+        b"PA8" => true,
+        _ => panic!("PALPATE_CONVERTER_CLOCK_PIN is not PA8, the only pin that a clock comes out at"),
+    },
+};
+
+/// The converter's clock: what the board makes, what `PALPATE_CONVERTER_CLOCK_HZ` said when the image was built of an
+/// oscillator, or 8.192 MHz.
+const CONVERTER_CLOCK: ConverterClock = match (option_env!("PALPATE_CONVERTER_CLOCK_HZ"), GIVES_CLOCK) {
+    (None, true) => ConverterClock::from_hz(CONVERTER_CLOCK_HZ).expect("8 MHz is a clock for it"),
+    (Some(_), true) => panic!("PALPATE_CONVERTER_CLOCK_HZ is of an oscillator; what comes out at PA8 is 8 MHz"),
+    (None, false) => ConverterClock::NOMINAL,
+    (Some(digits), false) => match u32::from_str_radix(digits, 10) {
         Ok(hz) => ConverterClock::from_hz(hz).expect("PALPATE_CONVERTER_CLOCK_HZ is not within 7782400 to 8400000"),
         Err(_) => panic!("PALPATE_CONVERTER_CLOCK_HZ is not a whole number of hertz"),
     },
@@ -73,6 +90,10 @@ const FRONT_END: FrontEndKind = match option_env!("PALPATE_FRONT_END") {
         None => panic!("PALPATE_FRONT_END is none of ADS131M02 and ADS131M04"),
     },
 };
+
+/// Who made the board, for USB: whoever has the domain that `PALPATE_USB_DOMAIN` named when the image was built, or somebody
+/// who builds one for themselves.
+const MAKER: Maker = Maker::of(option_env!("PALPATE_USB_DOMAIN"));
 
 /// What the two channels measure.
 const CHANNELS: [Channel; 2] =
@@ -90,16 +111,24 @@ fn main() -> ! {
 
     // Both are there: nothing has run before.
     let (Some(mut core), Some(board)) = (cortex_m::Peripherals::take(), Peripherals::take()) else { halt() };
-    stack::guard(&core.MPU);
     let before = fault::begin(&board.RCC);
     let machine = Machine::detect(&board.DBGMCU);
+    if before.wants_loader {
+        // Before anything else is set up: the loader takes the chip to be as after a reset.
+        machine.enter_loader((&board.RCC, &board.SYSCFG), &core.SCB);
+    }
+    stack::guard(&core.MPU);
     let clock = machine.clock(clock::start(&board.RCC, &board.FLASH, &board.TIM11), &core.SYST);
     pins::set_up(&board.RCC, (&board.GPIOA, &board.GPIOB, &board.GPIOC), &board.SYSCFG, &board.EXTI);
+    if GIVES_CLOCK {
+        clock::give_out(&board.RCC, clock.crystal);
+        pins::give_clock_out(&board.GPIOA);
+    }
     time::start(&mut core.SYST, &mut core.SCB, clock.core_hz);
     let watchdog = Watchdog::start(board.IWDG, &board.DBGMCU);
     let registers = (board.OTG_FS_GLOBAL, board.OTG_FS_DEVICE, board.OTG_FS_PWRCLK);
     let usb_clock = usb::Clock { core_hz: clock.core_hz, is_precise: clock.source == ClockSource::Crystal };
-    let usb = usb::start(registers, &board.RCC, (usb_clock, machine.device_id().0), USB);
+    let usb = usb::start(registers, &board.RCC, (usb_clock, MAKER, machine.device_id().0), USB);
     let identity = Identity {
         device: machine.device_id(),
         board: machine.name(usb.is_some(), clock.crystal),
@@ -123,10 +152,12 @@ fn main() -> ! {
     let line = line::start(board.USART1, clock.line_divider(), (RECEIVED, TO_SEND), &mut core.NVIC);
     let device = settle(DEVICE, || Device::new(identity, device_end));
     device.accept_orders(before.fault);
+    let store = MatrixStore::new(Sectors::new(board.FLASH, &mut core.DCB, &mut core.DWT));
+    device.accept_store(store.kept());
     let health = Health { stack_bytes: stack::size(), core_hz: clock.core_hz, ..Health::default() };
     let thermometer = Thermometer::start(board.ADC1, &board.ADC_COMMON, &board.RCC, machine);
-    Main { device, line, usb, watchdog, thermometer, health, looked_at: time::ticks(), turned_at: (0, 0), order: None }
-        .serve()
+    let (looked_at, turned_at) = (time::ticks(), (0, 0));
+    Main { device, line, usb, watchdog, store, thermometer, health, looked_at, turned_at, order: None }.serve()
 }
 
 /// Makes something large in a place of its own. Not inlined, so that the stack which that takes is free afterwards.
@@ -154,6 +185,7 @@ struct Main {
     line: Line,
     usb: Option<Usb>,
     watchdog: Watchdog,
+    store: MatrixStore<Sectors>,
     /// `None` where there is nothing to read.
     thermometer: Option<Thermometer>,
     health: Health,
@@ -186,7 +218,7 @@ impl Main {
         let mut buffer = [0; line::RECEIVED];
         let received = usb.receive(&mut buffer);
         if !received.is_empty() {
-            self.device.receive_by(Link::Usb, received, time::now());
+            self.hear(Link::Usb, received);
         }
     }
 
@@ -213,13 +245,10 @@ impl Main {
 
     /// One turn of the main loop.
     fn turn(&mut self) {
-        let mut buffer = [0; line::RECEIVED];
-        let now = time::now();
-        let received = self.line.receive(&mut buffer);
-        if !received.is_empty() {
-            self.device.receive(received, now);
+        if self.line.has_received() {
+            self.listen_to_line();
         }
-        self.device.poll(now);
+        self.device.poll(time::now());
         self.talk();
         let ticks = time::ticks();
         if ticks.wrapping_sub(self.looked_at) >= LOOK_TICKS {
@@ -228,6 +257,25 @@ impl Main {
         }
         self.watchdog.feed();
         self.obey(ticks);
+    }
+
+    /// Hands on what came by the line. Apart from the turn, since most turns need no buffer for it.
+    #[inline(never)]
+    fn listen_to_line(&mut self) {
+        let mut buffer = [0; line::RECEIVED];
+        let received = self.line.receive(&mut buffer);
+        self.hear(Link::Serial, received);
+    }
+
+    /// Takes what came by a link, and keeps what the host has the board keep: the chip may stand still meanwhile.
+    fn hear(&mut self, link: Link, received: &[u8]) {
+        self.device.receive_by(link, received, time::now());
+        if let Some(matrix) = self.device.take_store() {
+            self.watchdog.feed();
+            let before = time::stalled_us();
+            let kept = self.store.keep(matrix);
+            self.device.stored(kept.map(|()| time::stalled_us().wrapping_sub(before)));
+        }
     }
 
     /// Looks at the use of stack and processor, and at the temperature.
@@ -257,6 +305,7 @@ impl Main {
         if left > ORDER_TICKS {
             match order {
                 Order::Reboot => fault::reboot(),
+                Order::EnterLoader => fault::enter_loader(),
                 Order::Fail(failure) => fault::fail(failure),
             }
         }

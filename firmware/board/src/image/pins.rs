@@ -9,6 +9,7 @@
 //! | PC3 | input with pull-up, EXTI3 | converter DRDY |
 //! | PC5 | output, high | converter SYNC/RESET |
 //! | PB8 to PB15 | inputs with pull-up | digital inputs 0 to 7 |
+//! | PA8 | MCO1 (AF0), where the image is built so | converter CLKIN |
 //! | PA9 | USART1 TX (AF7) | RX of the serial adapter |
 //! | PA10 | USART1 RX with pull-up (AF7) | TX of the serial adapter |
 //! | PA11 | USB D− (AF10) | the board's USB socket |
@@ -23,6 +24,13 @@ use stm32f4::stm32f405::{EXTI, GPIOA, GPIOB, GPIOC, RCC, SYSCFG};
 
 /// `SYSCFG_EXTICR1`'s code for port C.
 const PORT_C: u8 = 2;
+
+/// Gives PA8 to the converter's clock.
+pub(super) fn give_clock_out(a: &GPIOA) {
+    a.afrh().modify(|_, w| w.afrh8().af0());
+    a.ospeedr().modify(|_, w| w.ospeedr8().high_speed());
+    a.moder().modify(|_, w| w.moder8().alternate());
+}
 
 /// Gives every pin its function, and EXTI3 the falling edge of DRDY.
 pub(super) fn set_up(rcc: &RCC, (a, b, c): (&GPIOA, &GPIOB, &GPIOC), routing: &SYSCFG, edges: &EXTI) {

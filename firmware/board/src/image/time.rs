@@ -4,7 +4,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m::peripheral::scb::SystemHandler;
 use cortex_m::peripheral::syst::SystClkSource;
-use cortex_m::peripheral::{NVIC, SCB, SYST};
+use cortex_m::peripheral::{DWT, NVIC, SCB, SYST};
 use cortex_m_rt::exception;
 use palpate_shared::units::DeviceTime;
 use stm32f4::stm32f405::Interrupt;
@@ -76,6 +76,29 @@ fn read() -> (u32, u32, u32) {
             return (ticks, (per_tick - 1).saturating_sub(left), per_tick);
         }
     }
+}
+
+/// How long the processor stood still in all, in µs; wraps.
+static STALLED_US: AtomicU32 = AtomicU32::new(0);
+
+/// Does what makes the processor stand still, interrupts included, and puts the time forward by the ticks that it lost. The
+/// processor's own counter of cycles tells how long it was, up to 25 s; an emulator has none, and loses no time.
+pub(super) fn over_a_stall(work: impl FnOnce()) {
+    cortex_m::interrupt::free(|_| {
+        let (_, counted, per_tick) = read();
+        let begun = DWT::cycle_count();
+        work();
+        let passed = DWT::cycle_count().wrapping_sub(begun);
+        STALLED_US.fetch_add(passed / per_tick * TICK_US + passed % per_tick * TICK_US / per_tick, Ordering::Relaxed);
+        // The interrupt that waits counts one of them.
+        let lost = (passed.saturating_add(counted) / per_tick).saturating_sub(1);
+        TICKS.fetch_add(lost, Ordering::Relaxed);
+    });
+}
+
+/// How long the processor stood still since start-up, in µs; wraps.
+pub(super) fn stalled_us() -> u32 {
+    STALLED_US.load(Ordering::Relaxed)
 }
 
 /// Has the sampler woken every `ticks` from now on.

@@ -1,5 +1,6 @@
 //! The port on a bus in memory, with a host that enumerates it by the USB standard's own numbers.
 
+use std::boxed::Box;
 use std::collections::{HashMap, VecDeque};
 use std::string::{String, ToString};
 use std::sync::{Arc, Mutex};
@@ -10,7 +11,7 @@ use usb_device::bus::{PollResult, UsbBus, UsbBusAllocator};
 use usb_device::endpoint::{EndpointAddress, EndpointType};
 use usb_device::{Result, UsbDirection, UsbError};
 
-use super::{MEMORY_WORDS, PACKET, Port, SENT};
+use super::{MEMORY_WORDS, Maker, PACKET, Port, SENT};
 
 /// Turns of the device within which it must have answered a request of the host.
 const TURNS: usize = 64;
@@ -118,8 +119,8 @@ struct Bench<'a> {
 
 impl<'a> Bench<'a> {
     /// A host that has found the port and taken it into use.
-    fn new(bus: &'a UsbBusAllocator<Bus>, wire: Arc<Mutex<Wire>>) -> Self {
-        let port = Port::new(bus, "0123456789abcdef01234567").expect("the bus carries anything");
+    fn new(bus: &'a UsbBusAllocator<Bus>, wire: Arc<Mutex<Wire>>, (maker, number): (Maker, &'a str)) -> Self {
+        let port = Port::new(bus, maker, number).expect("the bus carries anything");
         let mut bench = Self { wire, port };
         bench.port.poll();
         bench
@@ -184,12 +185,21 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// Runs a test on a port that a host has just found.
+/// The number of the device of these tests.
+const NUMBER_OF_DEVICE: [u8; 12] = [0x01, 0x23, 0x45, 0x67, 0x89, 0xAB, 0xCD, 0xEF, 0x01, 0x23, 0x45, 0x67];
+
+/// Runs a test on a port that a host has just found, of a board that somebody built for themselves.
 fn on_a_port(test: impl FnOnce(&mut Bench<'_>)) {
+    on_a_port_of(Maker::of(None), test);
+}
+
+/// The same of a board of this maker's.
+fn on_a_port_of(maker: Maker, test: impl FnOnce(&mut Bench<'_>)) {
+    let serial_number = maker.serial_number(&NUMBER_OF_DEVICE);
     let bus = Bus::default();
     let wire = bus.wire.clone();
     let allocator = UsbBusAllocator::new(bus);
-    test(&mut Bench::new(&allocator, wire));
+    test(&mut Bench::new(&allocator, wire, (maker, &serial_number)));
 }
 
 #[test]
@@ -199,7 +209,7 @@ fn a_host_finds_a_serial_port_with_the_devices_number() {
         let device = bench.ask([0x80, 6, 0, 1, 0, 0, 18, 0]);
         assert_eq!((device.len(), device[0], device[1]), (18, 18, 1));
         // Class "communications", packets of 64 bytes, vendor and product.
-        assert_eq!((device[4], device[7], &device[8..12]), (2, 64, &[0xC0, 0x16, 0xDD, 0x27][..]));
+        assert_eq!((device[4], device[7], &device[8..12]), (2, 64, &[0x09, 0x12, 0x01, 0x00][..]));
         let strings = [14, 15, 16].map(|at| bench.string(device[at]));
         assert_eq!(strings, ["palpate", "palpate finger", "0123456789abcdef01234567"].map(|text| text.to_string()));
         // GET_DESCRIPTOR of the configuration: its length says how long it is.
@@ -216,6 +226,31 @@ fn a_host_finds_a_serial_port_with_the_devices_number() {
         // Events by interrupt, data by bulk both ways.
         assert_eq!(pipes, [(true, 3, 8), (true, 2, 64), (false, 2, 64)]);
     });
+}
+
+#[test]
+fn a_maker_with_a_domain_has_the_shared_pair_and_the_domain_before_the_number() {
+    // The longest that there is room for, too.
+    for domain in ["fingers.example.org", "a-domain-of-thirty-eight.example.co.uk"] {
+        on_a_port_of(Maker::of(Some(domain)), |bench| {
+            let device = bench.ask([0x80, 6, 0, 1, 0, 0, 18, 0]);
+            assert_eq!(device[8..12], [0xC0, 0x16, 0xDD, 0x27]);
+            let strings = [14, 15, 16].map(|at| bench.string(device[at]));
+            let number = format!("{domain}:0123456789abcdef01234567");
+            assert_eq!(strings, [domain, "palpate finger", number.as_str()].map(ToString::to_string));
+        });
+    }
+}
+
+#[test]
+fn what_is_no_domain_builds_no_image() {
+    for domain in
+        ["", "example", ".org", "example.", "a..b", "Example.org", "example.org/x", "mail@example.org", "a b.c"]
+    {
+        assert!(std::panic::catch_unwind(|| Maker::of(Some(domain))).is_err(), "{domain:?}");
+    }
+    let long: &'static str = Box::leak(format!("{}.org", "a".repeat(35)).into_boxed_str());
+    assert!(std::panic::catch_unwind(|| Maker::of(Some(long))).is_err(), "{long}");
 }
 
 #[test]

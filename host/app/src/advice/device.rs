@@ -105,6 +105,9 @@ fn refused(refusal: Refusal) -> &'static str {
         Refusal::Streaming => "stop the stream first",
         Refusal::MatrixDamaged => "try again; a matrix that is refused again is of no finger",
         Refusal::NoForceMatrix => "give it one first",
+        Refusal::NotStored => {
+            "try again; a flash that refuses again is worn out or write-protected, and an emulator has none"
+        }
     }
 }
 
@@ -245,6 +248,10 @@ mod tests {
             (Refusal::Streaming, "stop the stream first"),
             (Refusal::MatrixDamaged, "try again; a matrix that is refused again is of no finger"),
             (Refusal::NoForceMatrix, "give it one first"),
+            (
+                Refusal::NotStored,
+                "try again; a flash that refuses again is worn out or write-protected, and an emulator has none",
+            ),
         ];
         for (refusal, wanted) in cases {
             let error = LinkError::Refused { request: "it".to_owned(), refusal };

@@ -6,8 +6,8 @@ use std::time::Duration;
 use palpate_device::raw_frame::{self, Received};
 use palpate_device::{LinkError, Session};
 use palpate_shared::wire::{
-    BLOCK_SAMPLES, Checks, ClockSource, Counters, Fault, FaultCause, FirmwareVersion, FrontEndKind, Health, Hello,
-    RAW_FRAME_BYTES, RestartReason, SelfTest, Source,
+    BLOCK_SAMPLES, Checks, ClockSource, Counters, Fault, FaultCause, FirmwareVersion, ForceMatrix, FrontEndKind,
+    Health, Hello, RAW_FRAME_BYTES, RestartReason, SelfTest, Source,
 };
 
 use super::device::DeviceArguments;
@@ -28,6 +28,10 @@ pub(crate) struct Arguments {
     /// its value, or all 24 digits)
     #[arg(long = "raw-frame", value_name = "HEX", value_parser = raw_frame::parse)]
     raw_frames: Vec<[u8; RAW_FRAME_BYTES]>,
+
+    /// Have the device keep no matrix for forces of its own any more
+    #[arg(long)]
+    forget_matrix: bool,
 
     /// Print one JSON object instead
     #[arg(long)]
@@ -58,6 +62,10 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
             })
             .advised()?;
     }
+    if arguments.forget_matrix {
+        session.store_device_matrix(false).advised()?;
+        note!("the device keeps no matrix; until it restarts it goes by the one it has");
+    }
     let about = About::of(&mut session, &arguments.registers, &arguments.raw_frames).advised()?;
     if arguments.json {
         say!("{}", about.as_json(&session));
@@ -76,6 +84,8 @@ struct About {
     counters: Counters,
     /// The last fault and the use of the board, from devices that know them: simulated ones and older firmware do not.
     board: Option<(Option<Fault>, Health)>,
+    /// What the device computes forces by, from firmware that can.
+    matrix: Option<ForceMatrix>,
     registers: Vec<(u8, Result<u16, LinkError>)>,
     raw_frames: Vec<RawExchange>,
 }
@@ -92,11 +102,12 @@ impl About {
         let self_test = session.self_test();
         let counters = session.device_counters()?;
         let board = session.last_fault().ok().zip(session.health().ok());
+        let matrix = session.device_matrix().ok().flatten();
         let registers = registers.iter().map(|&address| (address, session.read_register(address))).collect();
         let round_trip = round_trips.into_iter().min().unwrap_or_default();
         let exchange = |&sent| session.raw_frame(sent).map(|received| RawExchange { sent, received });
         let raw_frames = raw_frames.iter().map(exchange).collect::<Result<_, _>>()?;
-        Ok(Self { round_trip, self_test, counters, board, registers, raw_frames })
+        Ok(Self { round_trip, self_test, counters, board, matrix, registers, raw_frames })
     }
 
     fn print(&self, session: &Session) {
@@ -110,6 +121,11 @@ impl About {
         if let Some((fault, health)) = &self.board {
             row("last fault", &fault.as_ref().map_or_else(|| "none since power-on".to_owned(), fault_in_words));
             row("stack", &format!("{} of {} bytes at most", health.stack_used_max, health.stack_bytes));
+        }
+        if let Some(matrix) = &self.matrix {
+            let un = |entry: i32| format!("{:.3}", f64::from(entry) / f64::from(1 << 19));
+            let [[xx, xy], [yx, yy]] = matrix.entries.map(|row| row.map(un));
+            row("forces", &format!("by a matrix of its own: {xx} {xy}, {yx} {yy} µN a count"));
         }
         for (address, value) in &self.registers {
             let value = value.as_ref().map_or_else(ToString::to_string, |value| format!("{value:#06x}"));
@@ -147,6 +163,7 @@ impl About {
             "counters": self.counters,
             "last_fault": self.board.as_ref().and_then(|(fault, _)| fault.as_ref()),
             "health": self.board.as_ref().map(|(_, health)| health),
+            "force_matrix": self.matrix,
             "registers": self.registers.iter().map(register_as_json).collect::<Vec<_>>(),
             "raw_frames": self.raw_frames.iter().map(|frame| raw_frame_as_json(session.hello().front_end.kind, frame)).collect::<Vec<_>>(),
         })

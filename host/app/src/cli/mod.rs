@@ -27,6 +27,8 @@ mod demo;
 mod device;
 mod diagnose;
 mod export;
+#[cfg(feature = "flash")]
+mod flash;
 mod follow;
 mod friction;
 mod help;
@@ -83,6 +85,7 @@ mod touch_world;
 mod watched_push;
 mod wave;
 mod which_part;
+mod zero_drift;
 
 pub(crate) use calibrate::rfc3339;
 pub(crate) use touch::advice as touch_advice;
@@ -119,10 +122,13 @@ enum Command {
     Demo(demo::Arguments),
     Ports(ports::Arguments),
     Info(info::Arguments),
+    #[cfg(feature = "flash")]
+    Flash(flash::Arguments),
     Diagnose(diagnose::Arguments),
     Calibrate(calibrate::Arguments),
     Wave(wave::Arguments),
     LocateTip(locate_tip::Arguments),
+    ZeroDrift(zero_drift::Arguments),
     Monitor(monitor::Arguments),
     #[cfg(feature = "web")]
     Serve(serve::Arguments),
@@ -165,6 +171,7 @@ impl Command {
             Self::Demo(_) => Some("pushing and searching"),
             Self::Diagnose(_) => Some("sampling at rest"),
             Self::Record(_) => Some("recording"),
+            Self::ZeroDrift(_) => Some("watching the finger at rest"),
             Self::Recover(_) => Some("looking for what is whole"),
             Self::Report(_) | Self::Export(_) => Some("reading"),
             Self::Contact(_) | Self::Import(_) => Some("reading"),
@@ -210,10 +217,13 @@ where
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Ports(arguments) => ports::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
+        #[cfg(feature = "flash")]
+        Command::Flash(arguments) => flash::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Wave(arguments) => wave::run(&arguments),
         Command::LocateTip(arguments) => locate_tip::run(&arguments),
+        Command::ZeroDrift(arguments) => zero_drift::run(&arguments),
         Command::Monitor(arguments) => monitor::run(&arguments),
         #[cfg(feature = "web")]
         Command::Serve(arguments) => serve::run(&arguments),

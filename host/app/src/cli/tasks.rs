@@ -56,6 +56,18 @@ const TASKS: &[Task] = &[
         commands: &[
             ("ports", &[("which ports there are", "palpate ports")]),
             ("info", &[("who answers at a port", "palpate info -d /dev/ttyACM0")]),
+            #[cfg(feature = "flash")]
+            (
+                "flash",
+                &[
+                    (
+                        "other firmware onto a board, by USB",
+                        "palpate flash palpate-0.2.0-ads131m02.dfu -d /dev/ttyACM0",
+                    ),
+                    ("one that is in its loader already", "palpate flash palpate-0.2.0-ads131m02.dfu"),
+                    ("all of it but for the board", "palpate flash palpate-0.2.0-ads131m02.dfu -d sim:"),
+                ],
+            ),
             ("diagnose", &[("is the finger well", "palpate diagnose -d /dev/ttyACM0")]),
             (
                 "calibrate",
@@ -75,6 +87,13 @@ const TASKS: &[Task] = &[
             (
                 "locate-tip",
                 &[("from touches on a block", "palpate locate-tip touches.toml -c calibration/finger-a/DATE.toml")],
+            ),
+            (
+                "zero-drift",
+                &[
+                    ("at rest, while the room warms", "palpate zero-drift -d /dev/ttyACM0 --minutes 90"),
+                    ("from a recording of it", "palpate zero-drift -d file:night.mcap"),
+                ],
             ),
         ],
     },

@@ -119,6 +119,10 @@ impl ListeningFinger {
                 recording::taken(&self.session, incoming, &judged);
                 self.feel(judged)
             }
+            Some(Incoming::Temperature(_) | Incoming::SlowChannels(_)) => {
+                super::feel_temperature(&self.session, &mut self.judge);
+                Ok(())
+            }
             None if self.session.is_over() => Err(ListenError::NoSamples("the recording ends here".to_owned())),
             Some(Incoming::Silent { after }) => {
                 Err(ListenError::NoSamples(format!("none for {:.2} s", after.as_secs_f64())))
@@ -127,14 +131,7 @@ impl ListeningFinger {
             Some(Incoming::Restarted(_) | Incoming::Reconnected { .. }) => {
                 Err(ListenError::NoSamples("the device started anew, or its link did".to_owned()))
             }
-            Some(
-                Incoming::Event(_)
-                | Incoming::Temperature(_)
-                | Incoming::SlowChannels(_)
-                | Incoming::Inputs(_)
-                | Incoming::Force(_),
-            )
-            | None => Ok(()),
+            Some(Incoming::Event(_) | Incoming::Inputs(_) | Incoming::Force(_)) | None => Ok(()),
         }
     }
 

@@ -165,6 +165,10 @@ pub fn judged(
     stream(session, |session, incoming| {
         let judged = match incoming {
             Incoming::Samples(samples) => judge.judge(samples).collect(),
+            Incoming::Temperature(_) | Incoming::SlowChannels(_) => {
+                feel_temperature(session, judge);
+                Vec::new()
+            }
             Incoming::Restarted(_) => vec![judge.restarted()],
             Incoming::Reconnected { countable: false, .. } => vec![Judged::Missing(None)],
             _ => Vec::new(),
@@ -172,6 +176,13 @@ pub fn judged(
         recording::taken(session, incoming, &judged);
         take(session, incoming, judged)
     })
+}
+
+/// Has the judge know how warm the finger is now.
+pub fn feel_temperature(session: &Session, judge: &mut CountsJudge) {
+    if let Some(celsius) = session.temperature_c() {
+        judge.feel_temperature(celsius);
+    }
 }
 
 /// The board's temperature in °C; `None` if it tells none within a little more than the second between two of them.

@@ -259,7 +259,7 @@ pub(crate) fn attach(role: &str, path: &Path, bytes: &[u8]) {
 }
 
 /// SHA-256 in hexadecimal digits.
-fn checksum(bytes: &[u8]) -> String {
+pub(crate) fn checksum(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().fold(String::new(), |mut digits, byte| {
         // Writing to a string cannot fail.
         let _ = write!(digits, "{byte:02x}");

@@ -1,20 +1,19 @@
 //! What a file of firmware has to be: whole, for this chip, and palpate's.
 //!
 //! A `.dfu` file is the flash's contents with the suffix of DFU 1.1 behind them: 16 bytes with the device that it is for and a
-//! CRC-32 of all before it, as `cargo xtask dist` writes it. Errors: [`NotAFirmware`].
+//! CRC-32 of all before it, as `cargo xtask dist` writes it. An ELF file is what the compiler makes; it and bare contents
+//! (`.bin`) have no checksum of their own. Errors: [`NotAFirmware`].
 
 use std::ops::Range;
 
-use super::{FLASH_BYTES, FLASH_START};
+use super::elf;
+use super::{FLASH_BYTES, FLASH_START, LOADER};
 
 /// Bytes of the suffix.
 const SUFFIX_BYTES: usize = 16;
 
 /// The suffix's end, before its length and the CRC.
 const SIGNATURE: &[u8; 3] = b"UFD";
-
-/// Vendor and product of the chip's loader.
-const LOADER: (u16, u16) = (0x0483, 0xDF11);
 
 /// What every image of palpate holds: its name on USB.
 const MARK: &[u8] = b"palpate finger";
@@ -34,6 +33,9 @@ pub struct FirmwareFile {
 /// Why a file is not put onto a board. Nothing was erased.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotAFirmware {
+    /// It is an executable, and not one that fits the chip.
+    #[error("it is no executable for this chip: {0}")]
+    Executable(&'static str),
     /// It has no suffix.
     #[error("it does not end as a file for DFU does: it is cut off, or of another kind")]
     NoSuffix,
@@ -73,11 +75,16 @@ pub enum NotAFirmware {
 }
 
 impl FirmwareFile {
-    /// Checks what a file holds.
+    /// Checks what a file holds: an ELF file's form, or the suffix and checksum of a `.dfu` file; and that it is an image of
+    /// palpate's for this chip.
     ///
     /// # Errors
     /// [`NotAFirmware`].
     pub fn read(file: &[u8]) -> Result<Self, NotAFirmware> {
+        if file.starts_with(elf::MAGIC) {
+            let flash = FLASH_START..FLASH_START + FLASH_BYTES;
+            return Self::read_bare(&elf::flash_contents(file, &flash).map_err(NotAFirmware::Executable)?);
+        }
         let (bytes, suffix) =
             file.len().checked_sub(SUFFIX_BYTES).map(|at| file.split_at(at)).ok_or(NotAFirmware::NoSuffix)?;
         if suffix[8..11] != *SIGNATURE || usize::from(suffix[11]) != SUFFIX_BYTES {
@@ -93,11 +100,14 @@ impl FirmwareFile {
         if (vendor, product) != LOADER {
             return Err(NotAFirmware::OtherDevice { vendor, product });
         }
-        Self::of_flash(bytes)
+        Self::read_bare(bytes)
     }
 
-    /// Checks contents of the flash, without a suffix.
-    fn of_flash(bytes: &[u8]) -> Result<Self, NotAFirmware> {
+    /// Checks bare contents of the flash, of which nothing tells whether they are whole.
+    ///
+    /// # Errors
+    /// [`NotAFirmware`].
+    pub fn read_bare(bytes: &[u8]) -> Result<Self, NotAFirmware> {
         if bytes.len() > FLASH_BYTES as usize {
             return Err(NotAFirmware::TooLarge { bytes: bytes.len() });
         }

@@ -1,5 +1,5 @@
 //! A loader in memory, as AN3156 describes it: it refuses what comes out of turn, and flash that is not erased cannot be
-//! written.
+//! written. For tests, and to try a command without a board.
 
 use std::time::Duration;
 
@@ -7,15 +7,15 @@ use super::{DfuPort, FLASH_BYTES, FLASH_START, SECTORS_KIB};
 
 /// What goes wrong.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Faults {
+pub struct Faults {
     /// The write at this address fails.
-    pub(super) write_fails_at: Option<u32>,
+    pub write_fails_at: Option<u32>,
     /// This byte of the flash does not take a 0.
-    pub(super) stuck_at: Option<u32>,
+    pub stuck_at: Option<u32>,
     /// It never gets ready.
-    pub(super) hangs: bool,
+    pub hangs: bool,
     /// It is unplugged after so many requests.
-    pub(super) unplugged_after: Option<u32>,
+    pub unplugged_after: Option<u32>,
 }
 
 /// Its states, by their numbers.
@@ -27,9 +27,10 @@ const MANIFEST: u8 = 7;
 const UPLOAD_IDLE: u8 = 9;
 const ERROR: u8 = 10;
 
-#[derive(Debug, thiserror::Error)]
+/// A request that the loader does not take, or that nobody answers any more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("stalled")]
-pub(super) struct Stalled;
+pub struct Stalled;
 
 /// What a download asked for.
 #[derive(Clone, Debug)]
@@ -40,12 +41,20 @@ enum Work {
     Leave,
 }
 
-pub(super) struct Loader {
-    pub(super) flash: Vec<u8>,
-    pub(super) erased: Vec<u32>,
-    pub(super) has_left: bool,
-    pub(super) waited: Duration,
-    pub(super) faults: Faults,
+/// The loader and its chip.
+#[derive(Clone, Debug)]
+pub struct Loader {
+    /// What the flash holds, from its beginning.
+    pub flash: Vec<u8>,
+    /// Where the sectors begin that were erased, in order.
+    pub erased: Vec<u32>,
+    /// Whether it started what it wrote.
+    pub has_left: bool,
+    /// How long it was waited for, in its own time.
+    pub waited: Duration,
+    /// How it names its memory.
+    pub memory: String,
+    faults: Faults,
     state: u8,
     error: u8,
     address: u32,
@@ -55,12 +64,14 @@ pub(super) struct Loader {
 
 impl Loader {
     /// A chip whose flash holds something else, and whose loader is in this state.
-    pub(super) fn new(state: u8, faults: Faults) -> Self {
+    #[must_use]
+    pub fn new(state: u8, faults: Faults) -> Self {
         Self {
             flash: vec![0x5A; FLASH_BYTES as usize],
             erased: Vec::new(),
             has_left: false,
             waited: Duration::ZERO,
+            memory: "@Internal Flash  /0x08000000/04*016Kg,01*064Kg,07*128Kg".to_owned(),
             faults,
             state,
             error: 0,
@@ -106,11 +117,11 @@ impl Loader {
                 if self.faults.write_fails_at == Some(address) {
                     return Err(6);
                 }
-                for (at, byte) in (place(address)? as usize..).zip(data) {
-                    let cell = self.flash.get_mut(at).ok_or(8_u8)?;
+                for (at, byte) in (place(address)?..).zip(data) {
+                    let cell = self.flash.get_mut(at as usize).ok_or(8_u8)?;
                     // Flash is written from ones to zeros only.
                     *cell &= byte;
-                    if self.faults.stuck_at == Some(FLASH_START + u32::try_from(at).unwrap()) {
+                    if self.faults.stuck_at == Some(FLASH_START + at) {
                         *cell = 0xFF;
                     }
                 }
@@ -124,16 +135,19 @@ impl Loader {
 impl DfuPort for Loader {
     type Error = Stalled;
 
+    fn memory(&mut self) -> Result<String, Stalled> {
+        Ok(self.memory.clone())
+    }
+
     fn download(&mut self, block: u16, data: &[u8]) -> Result<(), Stalled> {
         self.count()?;
         if ![IDLE, DOWNLOAD_IDLE].contains(&self.state) || data.len() > 2048 {
             return self.stall();
         }
-        let address = |bytes: &[u8]| u32::from_le_bytes(bytes.try_into().unwrap());
         self.work = Some(match (block, data) {
             (_, []) => Work::Leave,
-            (0, [0x21, rest @ ..]) if rest.len() == 4 => Work::SetAddress(address(rest)),
-            (0, [0x41, rest @ ..]) if rest.len() == 4 => Work::Erase(address(rest)),
+            (0, &[0x21, a, b, c, d]) => Work::SetAddress(u32::from_le_bytes([a, b, c, d])),
+            (0, &[0x41, a, b, c, d]) => Work::Erase(u32::from_le_bytes([a, b, c, d])),
             (2.., data) => Work::Write(self.address + u32::from(block - 2) * 2048, data.to_vec()),
             _ => return self.stall(),
         });
@@ -148,8 +162,10 @@ impl DfuPort for Loader {
         }
         self.state = UPLOAD_IDLE;
         let at = (self.address - FLASH_START) as usize + usize::from(block - 2) * 2048;
-        into.copy_from_slice(&self.flash[at..at + into.len()]);
-        Ok(into.len())
+        let there = self.flash.get(at..).unwrap_or_default();
+        let length = there.len().min(into.len());
+        into[..length].copy_from_slice(&there[..length]);
+        Ok(length)
     }
 
     /// The first look sets it to work, as AN3156 says; the next finds it done.

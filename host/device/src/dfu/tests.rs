@@ -56,11 +56,96 @@ fn an_image_gets_onto_the_board_and_is_started_whatever_state_the_loader_was_lef
 
 #[test]
 fn sectors_are_those_of_the_chip() {
-    assert_eq!(sectors(1).count(), 1);
-    assert_eq!(sectors(16 * 1024).count(), 1);
-    assert_eq!(sectors(64 * 1024 + 1).last(), Some(0x0801_0000));
-    assert_eq!(sectors(FLASH_BYTES).count(), 12);
+    let needed = |bytes: usize| sectors(&vec![0; bytes]).map(|(at, part)| (at, part.len())).collect::<Vec<_>>();
+    assert_eq!(needed(1), [(FLASH_START, 1)]);
+    assert_eq!(needed(16 * 1024), [(FLASH_START, 16 * 1024)]);
+    assert_eq!(needed(64 * 1024 + 1).last(), Some(&(0x0801_0000, 1)));
+    assert_eq!(needed(FLASH_BYTES as usize).len(), 12);
     assert_eq!(SECTORS_KIB.iter().sum::<u32>() * 1024, FLASH_BYTES);
+}
+
+#[test]
+fn what_an_image_leaves_free_stays_as_it_is() {
+    let mut gapped = contents(80_000);
+    // Two sectors of 16 KiB and some of the next.
+    gapped[0x4000..0xD000].fill(0xFF);
+    let image = FirmwareFile::read(&file(&gapped, 0x0483, 0xDF11)).unwrap();
+    let (mut loader, mut told) = (Loader::new(2, Faults::default()), 0);
+    flash(&mut loader, &image, |_| told += 1).unwrap();
+    assert_eq!(loader.erased, [0, 0xC000, 0x1_0000].map(|at| FLASH_START + at));
+    assert!(loader.flash[0x4000..0xC000].iter().all(|&byte| byte == 0x5A), "left as it was");
+    assert_eq!(loader.flash[0xC000..80_000], gapped[0xC000..]);
+    assert_eq!((told, sectors_needed(&image)), (steps(&image), 3));
+}
+
+#[test]
+fn a_loader_of_another_chip_is_left_alone() {
+    // STM32F411, STM32F103 and F446, STM32G4, and what is no name of sectors.
+    for memory in [
+        "@Internal Flash  /0x08000000/04*016Kg,01*064Kg,03*128Kg",
+        "@Internal Flash /0x08000000/512*001Kg",
+        "@Internal Flash  /0x08000000/04*016Kg,01*064Kg,07*128Mg",
+        "@Internal Flash  /0x08020000/04*016Kg,01*064Kg,07*128Kg",
+        "@Internal Flash  /0x08000000/999999999*128Kg",
+        "@Option Bytes  /0x1FFFC000/01*016 e",
+        "",
+    ] {
+        let mut loader = Loader::new(2, Faults::default());
+        memory.clone_into(&mut loader.memory);
+        let refused = flash(&mut loader, &good(3000), |_| ()).unwrap_err();
+        assert!(matches!(&refused, FlashError::OtherChip { memory: named } if named == memory), "{refused}");
+        assert!(loader.erased.is_empty());
+    }
+}
+
+/// An ELF file with these parts: where each is kept, and what it holds.
+fn elf(parts: &[(u32, &[u8])]) -> Vec<u8> {
+    let mut file = b"\x7fELF\x01\x01\x01".to_vec();
+    file.resize(16, 0);
+    // Executable, ARM, version; entry, program headers behind this header, no sections; flags, sizes and counts.
+    file.extend([2, 0, 40, 0, 1, 0, 0, 0]);
+    for word in [0x0800_0199_u32, 52, 0, 0x0500_0400] {
+        file.extend(word.to_le_bytes());
+    }
+    for half in [52, 32, u16::try_from(parts.len()).unwrap(), 40, 0, 0] {
+        file.extend(half.to_le_bytes());
+    }
+    let mut offset = 52 + 32 * u32::try_from(parts.len()).unwrap();
+    for (kept_at, bytes) in parts {
+        let length = u32::try_from(bytes.len()).unwrap();
+        // It is used elsewhere than it is kept, as variables are.
+        for word in [1, offset, 0x2000_0000, *kept_at, length, length, 5, 4] {
+            file.extend(word.to_le_bytes());
+        }
+        offset += length;
+    }
+    parts.iter().for_each(|(_, bytes)| file.extend(*bytes));
+    file
+}
+
+#[test]
+fn an_executable_is_taken_by_what_it_keeps_in_the_flash() {
+    let whole = contents(3000);
+    let image = FirmwareFile::read(&elf(&[(FLASH_START, &whole[..2000]), (FLASH_START + 2100, &[1, 2, 3])])).unwrap();
+    assert_eq!(image.bytes()[..2000], whole[..2000]);
+    assert_eq!(image.bytes()[2000..], [&[0xFF; 100][..], &[1, 2, 3]].concat());
+
+    let file = elf(&[(FLASH_START, &whole)]);
+    for length in [6, 20, 51, 60, 100, file.len() - 1] {
+        let refused = FirmwareFile::read(&file[..length]).unwrap_err();
+        assert!(matches!(refused, NotAFirmware::Executable(_)), "{length}: {refused}");
+    }
+    let mut other_processor = file.clone();
+    other_processor[18] = 62;
+    for elsewhere in [elf(&[(0x2000_0000, &whole)]), elf(&[(u32::MAX, &[0; 4])]), other_processor] {
+        assert!(matches!(FirmwareFile::read(&elsewhere), Err(NotAFirmware::Executable(_))));
+    }
+    // Bare contents, with nothing around them, where that is said.
+    assert_eq!(FirmwareFile::read_bare(&whole).unwrap().bytes(), whole);
+    assert_eq!(FirmwareFile::read(&whole), Err(NotAFirmware::NoSuffix));
+    let mut foreign = whole.clone();
+    foreign[600..614].copy_from_slice(b"another finger");
+    assert_eq!(FirmwareFile::read(&elf(&[(FLASH_START, &foreign)])), Err(NotAFirmware::Foreign));
 }
 
 #[test]

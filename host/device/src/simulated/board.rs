@@ -8,7 +8,9 @@ use std::time::{Duration, Instant};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use palpate_firmware_core::ads131m::Ads131m;
+use palpate_firmware_core::device::Order;
 use palpate_firmware_core::sampler::IDLE_US;
+use palpate_firmware_core::store::{MatrixStore, MemoryFlash};
 use palpate_firmware_core::{
     ConverterClock, Device, DeviceSettings, Identity, Queues, Sampler, SelectSource, SourceNotPossible,
 };
@@ -54,6 +56,10 @@ const LOOK_EVERY_US: u32 = IDLE_US;
 /// Conversions before a board listens to its line.
 const START_UP: u32 = 8;
 
+/// How long an order waits for the line to take what is due, in µs of device time: as on the board. A line that is always
+/// behind would let it wait for ever.
+const ORDER_US: u32 = 100_000;
+
 /// Time between two temperatures, in µs of device time.
 const TEMPERATURE_EVERY_US: u32 = 1_000_000;
 
@@ -62,6 +68,12 @@ const BITS_PER_BYTE: f64 = 10.0;
 
 /// Bytes that the firmware keeps for a line that is busy: 60 blocks, 0.1 s at 4 kHz, as on the board.
 const OUTBOX_BYTES: usize = 4096;
+
+/// Words in a sector of the simulated flash: room for 512 changes of the matrix, as on the board.
+const FLASH_WORDS: usize = 4096;
+
+/// How long a board stands still when it writes a record of eight words without erasing, in µs: 16 µs each.
+const STORE_US: u32 = 8 * 16;
 
 /// Volts to millivolts, to state the finger's excitation in the hello.
 const MV_PER_V: f32 = 1e3;
@@ -110,6 +122,7 @@ fn run_with<const CHANNELS: usize>(config: &Config, outlet: Outlet, orders: &Rec
     let mut finger = CarriedBeam::new(config.finger.beam, config.carried);
     let mut outlet = TroubledOutlet::new(outlet, config.link_faults, config.seed);
     let mut inputs_due = BTreeMap::new();
+    let mut store = MatrixStore::new(MemoryFlash::default());
     let mut restarts = 0;
     let mut asked: Option<Sender<SimulatedMoment>> = None;
     loop {
@@ -129,7 +142,12 @@ fn run_with<const CHANNELS: usize>(config: &Config, outlet: Outlet, orders: &Rec
             course: None,
             robot: config.carried_by.clone(),
             asked: None,
+            order: None,
+            is_in_loader: false,
+            store: &mut store,
         };
+        board.device.accept_restarts();
+        board.device.accept_store(board.store.kept());
         if let Some(asked) = asked.take() {
             answer(&asked, board.moment());
         }
@@ -240,6 +258,12 @@ struct Board<'w, const CHANNELS: usize> {
     robot: Option<SimulatedRobot>,
     /// Strides that a session has still asked for, and where to say that they are done.
     asked: Option<(u32, Sender<SimulatedMoment>)>,
+    /// What the host ordered, and when that was.
+    order: Option<(Order, DeviceTime)>,
+    /// The chip's own loader has taken over: the line is dead until the next restart.
+    is_in_loader: bool,
+    /// What outlives a restart.
+    store: &'w mut MatrixStore<MemoryFlash<FLASH_WORDS>>,
 }
 
 impl<const CHANNELS: usize> Board<'_, CHANNELS> {
@@ -271,6 +295,12 @@ impl<const CHANNELS: usize> Board<'_, CHANNELS> {
                 return Ended::Restart(None);
             }
             let heard = self.listen(outlet);
+            match self.due_order() {
+                Some(Order::Reboot) => return Ended::Restart(None),
+                Some(Order::EnterLoader) => self.is_in_loader = true,
+                // It takes no other.
+                Some(Order::Fail(_)) | None => {}
+            }
             match config.pace {
                 Pace::RealTime => {
                     match self.talk(outlet, &mut line) {
@@ -395,10 +425,31 @@ impl<const CHANNELS: usize> Board<'_, CHANNELS> {
     fn listen(&mut self, outlet: &mut TroubledOutlet) -> bool {
         let mut buffer = [0; 256];
         let length = outlet.read(&mut buffer, self.world_us());
+        if self.is_in_loader {
+            return length > 0;
+        }
         let now = self.now();
         self.device.receive(&buffer[..length], now);
+        if let Some(matrix) = self.device.take_store() {
+            let kept = self.store.keep(matrix);
+            self.device.stored(kept.map(|()| STORE_US));
+        }
         self.device.poll(now);
         length > 0
+    }
+
+    /// What the host ordered, once its answer has gone out.
+    fn due_order(&mut self) -> Option<Order> {
+        let now = self.now();
+        if let Some(order) = self.device.take_order() {
+            self.order = Some((order, now));
+        }
+        let (order, ordered) = self.order?;
+        if !self.device.transmit().is_empty() && now.since(ordered) < ORDER_US {
+            return None;
+        }
+        self.order = None;
+        Some(order)
     }
 
     /// Takes the samples that a board would have taken by now, up to [`CATCH_UP`] at a time.
@@ -437,6 +488,9 @@ impl<const CHANNELS: usize> Board<'_, CHANNELS> {
         self.conversions += 1;
         let data_ready = self.follow_course();
         self.set_due_inputs();
+        if self.is_in_loader {
+            return;
+        }
         let now = self.now();
         if data_ready {
             self.sampler.data_ready(now);

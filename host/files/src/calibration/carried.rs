@@ -1,10 +1,14 @@
-//! What a result says of a finger that is carried about: what it weighs on itself, how it bends, where its tip is.
+//! What a result says of a finger that is carried about: what it weighs on itself, how it bends, where its tip is; and of
+//! one that warms up.
 //!
 //! Each is optional: a result of an older program, or of a finger that nobody waved, says nothing of it, and
 //! [`CalibrationFile::carried`] then gives what is taken for it, and [`CalibrationFile::lacks`] what that is.
 //!
-//! Units: grams, micrometres per newton, millimetres and degrees, by name. Errors: none.
+//! Units: grams, micrometres per newton, millimetres, degrees, microstrain per kelvin, by name. Errors: none.
 
+use nalgebra::Vector2;
+use palpate::finger::calibration::FrontEnd;
+use palpate::finger::calibration::zero_drift::{ZeroDrift, ZeroDriftFit};
 use palpate::pushing::estimation::from_rest::CarriedFinger;
 use palpate::pushing::tip::TipFit;
 use palpate::pushing::wave::WaveFit;
@@ -72,6 +76,53 @@ pub struct ComplianceRecord {
     pub sigma_um_per_n: f64,
     /// Loads that it was found from; 0 where it was stated.
     pub loads: usize,
+}
+
+/// How the reading without load goes with temperature.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ZeroDriftRecord {
+    /// Change of the x and y bridge, microstrain per kelvin.
+    pub microstrain_per_k: [f64; 2],
+    /// Standard deviations, microstrain per kelvin.
+    pub sigma_microstrain_per_k: [f64; 2],
+    /// What the line leaves of means at rest, rms, microstrain.
+    pub left_microstrain: [f64; 2],
+    /// Lowest and highest temperature, °C.
+    pub celsius: [f64; 2],
+    /// Means that it was found from.
+    pub means: usize,
+}
+
+impl ZeroDriftRecord {
+    /// What a fit found, with this front-end.
+    #[must_use]
+    pub fn new(fit: &ZeroDriftFit, front_end: &FrontEnd) -> Self {
+        let microstrain = |counts: Vector2<f64>| (counts * front_end.microstrain_per_count()).into();
+        Self {
+            microstrain_per_k: microstrain(fit.drift.counts_per_k),
+            sigma_microstrain_per_k: microstrain(fit.drift.sd),
+            left_microstrain: microstrain(fit.left),
+            celsius: fit.celsius.into(),
+            means: fit.means,
+        }
+    }
+
+    /// The same in counts of this front-end.
+    #[must_use]
+    pub fn drift(&self, front_end: &FrontEnd) -> ZeroDrift {
+        let counts = |microstrain: [f64; 2]| Vector2::from(microstrain) / front_end.microstrain_per_count();
+        ZeroDrift { counts_per_k: counts(self.microstrain_per_k), sd: counts(self.sigma_microstrain_per_k) }
+    }
+
+    /// Whether it can be that of a finger.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        /// No gauge that holds drifts by more, microstrain per kelvin: it is the strain of steel that warms, eight times over.
+        const MOST: f64 = 100.0;
+        self.microstrain_per_k.iter().chain(&self.sigma_microstrain_per_k).all(|value| value.abs() <= MOST)
+            && self.sigma_microstrain_per_k.iter().all(|sigma| *sigma >= 0.0)
+    }
 }
 
 /// Where the disk's centre is on the wrist.

@@ -23,11 +23,12 @@ use palpate::finger::calibration::held_back::HeldBack;
 use palpate::finger::calibration::measurements::Load;
 use palpate::finger::calibration::plan::Step;
 use palpate::finger::calibration::session::Taken;
+use palpate::finger::calibration::zero_drift::ZeroDrift;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
-use super::carried::{ComplianceRecord, TipRecord, WaveRecord};
+use super::carried::{ComplianceRecord, TipRecord, WaveRecord, ZeroDriftRecord};
 use super::raw::{Provenance, ProvenanceError, RawError, RawRun};
 use super::raw_wave::RawWave;
 use crate::output::{self, OutputError};
@@ -75,6 +76,9 @@ pub struct CalibrationFile {
     /// Where its disk is on the wrist, where touches found that.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip: Option<TipRecord>,
+    /// How its reading without load goes with temperature, where that was found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub zero_drift: Option<ZeroDriftRecord>,
     /// The samples it was made from.
     pub raw: RawRecord,
     /// Unloaded readings in the order taken.
@@ -261,6 +265,7 @@ impl CalibrationFile {
             wave: None,
             compliance: None,
             tip: None,
+            zero_drift: None,
             raw,
             tare: taken.iter().filter_map(tare).collect(),
             contact: fit.contacts.iter().map(|contact| ContactRecord::new(contact, front_end)).collect(),
@@ -278,6 +283,14 @@ impl CalibrationFile {
             offset: Vector2::from(self.offset),
             covariance: ParameterCovariance::from(self.covariance).transpose(),
         })
+        .map(|calibration| calibration.with_zero_drift(self.zero_drift()))
+    }
+
+    /// How its reading without load goes with temperature, in counts.
+    fn zero_drift(&self) -> Option<ZeroDrift> {
+        // A front-end that makes no sense was refused when the file was read.
+        let front_end = FrontEnd::new(self.measured_with.front_end).ok()?;
+        self.zero_drift.map(|record| record.drift(&front_end))
     }
 
     /// Refuses to serve another device, or the same with another gain or excitation: counts would mean other strains.
@@ -328,6 +341,9 @@ impl CalibrationFile {
             table.try_into().map_err(|error: toml::de::Error| CalibrationFileError::Text(error.to_string()))?;
         file.measured_with.check()?;
         file.calibration()?;
+        if !file.zero_drift.is_none_or(|drift| drift.is_sound()) {
+            return Err(CalibrationFileError::Text("no finger's zero drifts as [zero_drift] says".to_owned()));
+        }
         // The raw file lies beside the result; a path could lead anywhere.
         if file.raw.file.is_empty() || file.raw.file.contains(['/', '\\', ':']) {
             return Err(CalibrationFileError::Text(format!("\"{}\" is not the name of a raw file", file.raw.file)));

@@ -11,10 +11,11 @@
 use std::fmt;
 use std::ops::Sub;
 
-use nalgebra::Matrix2;
+use nalgebra::{Matrix2, Vector2};
 use palpate_shared::status::Status;
 use palpate_shared::units::Counts;
 
+use super::calibration::zero_drift::Thermal;
 use super::calibration::{Calibration, counts_vector};
 use super::contact::Reading;
 use super::{STUCK_SAMPLES, Samples};
@@ -229,24 +230,36 @@ pub struct CountsJudge {
     /// Force per count.
     inverse: Matrix2<f64>,
     repeats: [Repeats<Counts>; 2],
+    /// Where the calibration knows what temperature does.
+    thermal: Option<Thermal>,
 }
 
 impl CountsJudge {
     /// A judge that makes counts force by this calibration.
     #[must_use]
     pub fn new(calibration: &Calibration) -> Self {
-        Self { inverse: *calibration.inverse(), repeats: [Repeats::NEW; 2] }
+        let thermal = calibration.zero_drift().map(|drift| Thermal::new(*drift));
+        Self { inverse: *calibration.inverse(), repeats: [Repeats::NEW; 2], thermal }
+    }
+
+    /// The finger is so warm from now on, °C: what its zero drifts by that since the first time is taken off.
+    pub fn feel_temperature(&mut self, celsius: f64) {
+        if let Some(thermal) = &mut self.thermal {
+            thermal.feel(celsius);
+        }
     }
 
     /// The samples of a block, and what is missing before it.
     pub fn judge<'a>(&'a mut self, samples: &'a Samples) -> impl Iterator<Item = Judged> + 'a {
         let gap = (samples.missing_before > 0).then_some(Judged::Missing(Some(samples.missing_before)));
         let settling = samples.status.contains(Status::SETTLING);
+        let block_s = 1e-6 * samples.period_us * samples.counts.len() as f64;
+        let drifted = self.thermal.as_mut().map_or_else(Vector2::zeros, |thermal| thermal.counts(block_s));
         let judged = samples.counts.iter().enumerate().map(move |(index, &counts)| {
             let t = samples.measured_time_s(index);
             match self.fault(counts, settling) {
                 Some(fault) => Judged::NotMeasured { t, fault },
-                None => Judged::Measured(Reading::new(t, self.inverse * counts_vector(counts))),
+                None => Judged::Measured(Reading::new(t, self.inverse * (counts_vector(counts) - drifted))),
             }
         });
         gap.into_iter().chain(judged)
@@ -322,10 +335,11 @@ impl ForceJudge {
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use nalgebra::{SMatrix, Vector2};
+    use nalgebra::SMatrix;
     use proptest::prelude::*;
 
     use super::*;
+    use crate::finger::calibration::zero_drift::ZeroDrift;
     use crate::finger::calibration::{CalibrationParts, ForceUnit};
 
     /// A bench's calibration: some 27,000 counts per newton on both axes.
@@ -355,6 +369,37 @@ pub(crate) mod tests {
             _ => None,
         };
         judged.iter().filter_map(fault).collect()
+    }
+
+    #[test]
+    fn what_the_zero_drifts_with_temperature_is_taken_off() {
+        let drift = ZeroDrift { counts_per_k: Vector2::new(13.0, -11.0), sd: Vector2::new(0.3, 0.3) };
+        let mut judge = CountsJudge::new(&calibration().with_zero_drift(Some(drift)));
+        let mut ignorant = CountsJudge::new(&calibration());
+        // A minute at 22 °C, then it warms by 3 K in half an hour; the noise of the counts is the same in every block.
+        let mut mean = |k: u32| {
+            let celsius = 22.0 + 3.0 * (f64::from(k) - 60.0).max(0.0) / 1800.0;
+            judge.feel_temperature(celsius);
+            #[expect(clippy::cast_possible_truncation, reason = "some ten counts")]
+            let [x, y] = [13.0, -11.0].map(|per_k: f64| (per_k * (celsius - 22.0)).round() as i32);
+            let counts = alive(0, 211).into_iter().map(|[a, b]| [Counts(a.0 + x), Counts(b.0 + y)]).collect();
+            // A block that stands for a second.
+            let samples = Samples { period_us: 1e6 / 211.0, ..block(0, Status::default(), counts) };
+            let of = |judge: &mut CountsJudge| {
+                let readings: Vec<_> = judge.judge(&samples).filter_map(Judged::reading).collect();
+                readings.iter().map(|reading| reading.force_finger).sum::<Vector2<f64>>() / readings.len() as f64
+            };
+            (of(&mut judge), of(&mut ignorant))
+        };
+        let (at_first, ignorant_at_first) = mean(0);
+        let (mut off, mut ignorant_off) = (0.0_f64, 0.0_f64);
+        for k in 1..1860 {
+            let (now, ignorant_now) = mean(k);
+            off = off.max((now - at_first).norm());
+            ignorant_off = ignorant_off.max((ignorant_now - ignorant_at_first).norm());
+        }
+        // 39 and −33 counts of 27,000 a newton; what is left is the smoothing's delay (17 mK) and the rounding of counts.
+        assert!(ignorant_off > 1.8e-3 && off < 5e-5, "{off} N beside {ignorant_off} N");
     }
 
     #[test]

@@ -7,6 +7,7 @@
 
 use nalgebra::Matrix2;
 
+use crate::finger::calibration::zero_drift::ZeroDrift;
 use crate::finger::calibration::{Calibration, FrontEnd};
 use crate::finger::contact::{ContactReading, ContactSense, ContactSettings, SettingsError, Tare};
 use crate::finger::judge::{Judged, SampleFault};
@@ -17,12 +18,18 @@ use crate::finger::judge::{Judged, SampleFault};
 /// about 0.15 K in a minute: 0.08 microstrain then, which is 0.05° of a 2 N contact.
 pub const BIAS_WALK_MICROSTRAIN: f64 = 0.01;
 
-/// [`BIAS_WALK_MICROSTRAIN`] as force per √s in a calibration's unit, for [`ContactSettings::bias_walk`].
+/// The drift that [`BIAS_WALK_MICROSTRAIN`] is of, microstrain per kelvin.
+const DRIFT_UNKNOWN: f64 = 0.5;
+
+/// [`BIAS_WALK_MICROSTRAIN`] as force per √s in a calibration's unit, for [`ContactSettings::bias_walk`]. Where the calibration knows
+/// how the zero goes with temperature, it wanders by what that leaves.
 #[must_use]
 pub fn bias_walk(calibration: &Calibration, front_end: &FrontEnd) -> f64 {
     // Both axes alike: the mean of the matrix over directions.
     let force_per_count = calibration.inverse().determinant().abs().sqrt();
-    BIAS_WALK_MICROSTRAIN / front_end.microstrain_per_count() * force_per_count
+    let left = |drift: &ZeroDrift| (drift.left_per_k() * front_end.microstrain_per_count() / DRIFT_UNKNOWN).min(1.0);
+    calibration.zero_drift().map_or(1.0, left) * BIAS_WALK_MICROSTRAIN / front_end.microstrain_per_count()
+        * force_per_count
 }
 
 /// What a sample was worth.
@@ -143,6 +150,23 @@ mod tests {
 
     fn touches(sensed: &[Sensed]) -> usize {
         sensed.iter().filter(|sensed| matches!(sensed, Sensed::Contact(felt) if felt.contact.touch().is_some())).count()
+    }
+
+    #[test]
+    fn a_zero_that_is_known_to_drift_wanders_less() {
+        use crate::finger::calibration::FrontEndSettings;
+        use nalgebra::Vector2;
+        let settings = FrontEndSettings { gain: 32, excitation_v: 2.5, full_scale_v: 1.2, gauge_factor: 2.0 };
+        let front_end = FrontEnd::new(settings).unwrap();
+        let per_count = front_end.microstrain_per_count();
+        let walk = |drift| bias_walk(&calibration().with_zero_drift(drift), &front_end);
+        let of = |microstrain: f64, sd: f64| {
+            let both = |value: f64| Vector2::new(value, -value) / per_count;
+            Some(ZeroDrift { counts_per_k: both(microstrain), sd: both(sd).abs() })
+        };
+        // 0.03 and a tenth of 0.4 microstrain/K are 0.05 of the 0.5 that are taken for an unknown one; a bad fit is no better than none.
+        assert!((walk(of(0.4, 0.03)) / walk(None) - 0.1).abs() < 1e-9);
+        assert!((walk(of(0.4, 3.0)) / walk(None) - 1.0).abs() < 1e-12);
     }
 
     #[test]

@@ -81,6 +81,10 @@ pub(crate) struct Arguments {
     #[arg(long)]
     device_force: bool,
 
+    /// Have the device keep matrix and tare for its forces in its flash, over restarts
+    #[arg(long, requires = "device_force")]
+    store: bool,
+
     #[command(flatten)]
     finger: FingerArguments,
 }
@@ -123,6 +127,10 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         let matrix = device_force::matrix(&finger.calibration, &tare)?;
         session.stop().advised()?;
         session.set_device_forces(Some(matrix)).advised()?;
+        if arguments.store {
+            let stalled = session.store_device_matrix(true).advised()?;
+            note!("the device keeps matrix and tare; it stood still for {:.1} ms", 1e3 * stalled.as_secs_f64());
+        }
         live::start(&mut session).advised()?;
     }
     let tared = Tared::new(finger, tare)?;

@@ -14,6 +14,7 @@
 use nalgebra::{Matrix2, Matrix2x4, Rotation2, SMatrix, Vector2, Vector4};
 use thiserror::Error;
 
+use super::zero_drift::ZeroDrift;
 use crate::math::angle::{contact_angle, direction_variance};
 
 /// Largest ratio of the matrix's singular values that still counts as two axes.
@@ -105,6 +106,7 @@ impl Force {
 pub struct Calibration {
     parts: CalibrationParts,
     inverse: Matrix2<f64>,
+    zero_drift: Option<ZeroDrift>,
 }
 
 /// The numbers of a [`Calibration`], unchecked.
@@ -152,7 +154,7 @@ impl Calibration {
         if !is_covariance(&parts.covariance) {
             return Err(CalibrationError::Covariance);
         }
-        Ok(Self { parts, inverse })
+        Ok(Self { parts, inverse, zero_drift: None })
     }
 
     /// The same for forces along axes of which x lies at this angle in the finger's, rad: those of the robot that carries it.
@@ -164,7 +166,7 @@ impl Calibration {
         [0, 2].into_iter().for_each(|row| by.fixed_view_mut::<2, 2>(row, row).copy_from(&turn.transpose()));
         let covariance = by * self.parts.covariance * by.transpose();
         let parts = CalibrationParts { matrix: self.parts.matrix * turn, covariance, ..self.parts };
-        Self { parts, inverse: turn.transpose() * self.inverse }
+        Self { parts, inverse: turn.transpose() * self.inverse, zero_drift: self.zero_drift }
     }
 
     /// The same with a scale that is uncertain too, by this share (standard deviation): all gauges drift alike.
@@ -175,7 +177,19 @@ impl Calibration {
         let mut parts = self.parts;
         let mut block = parts.covariance.fixed_view_mut::<4, 4>(0, 0);
         block += entries * entries.transpose();
-        Self { parts, inverse: self.inverse }
+        Self { parts, inverse: self.inverse, zero_drift: self.zero_drift }
+    }
+
+    /// The same, knowing how its reading without load goes with temperature, or not.
+    #[must_use]
+    pub fn with_zero_drift(self, zero_drift: Option<ZeroDrift>) -> Self {
+        Self { zero_drift, ..self }
+    }
+
+    /// How its reading without load goes with temperature, where that is known.
+    #[must_use]
+    pub fn zero_drift(&self) -> Option<&ZeroDrift> {
+        self.zero_drift.as_ref()
     }
 
     /// The numbers it was built from.

@@ -7,7 +7,7 @@
 //!   wrong contacts do not spoil) and `least_squares` (the robust fit from there);
 //! - `offset`: the unloaded reading from tares at each position; [`held_back`]: what contacts kept out of the fit say;
 //! - [`dwell`]: whether a reading is at rest, by `steadiness` of its block means; [`plan`]: which contacts to take;
-//!   [`session`]: one after the other.
+//!   [`session`]: one after the other; [`zero_drift`]: how the unloaded reading goes with temperature.
 //!
 //! In `palpate-files`, `raw` keeps the samples, `conclusion` draws the result from them and `file` keeps it.
 //!
@@ -28,6 +28,7 @@ pub mod session;
 pub mod span;
 mod start;
 mod steadiness;
+pub mod zero_drift;
 
 pub use fit::{CalibrationFit, ContactResult, FitError, FitSettings, Quality, Role, fit};
 pub use force::{Calibration, CalibrationError, CalibrationParts, DwellReading, DwellTare, Force, ForceUnit};
