@@ -353,9 +353,14 @@ pub fn find(name: &str) -> Option<&'static Experiment> {
     EXPERIMENTS.iter().find(|experiment| experiment.name == name)
 }
 
-/// The chapter of the thesis, or its appendix, that a table or figure belongs to by its name; none beyond the thesis.
+/// The chapter of the thesis, or its appendix, that a table or figure belongs to, by its name or by the question that it
+/// answers; none beyond the thesis.
 #[must_use]
 pub fn chapter(name: &str) -> Option<&str> {
+    const QUESTIONS: [(&str, &str); 3] = [("observability", "5"), ("basin", "6"), ("finger-shapes", "8")];
+    if let Some((_, chapter)) = QUESTIONS.iter().find(|(table, _)| *table == name) {
+        return Some(chapter);
+    }
     let number = name.strip_prefix("figure-").unwrap_or(name);
     let chapter = number.split(['.', '-']).next()?;
     let is_chapter =

@@ -13,11 +13,14 @@
 use nalgebra::DMatrix;
 
 use super::Scales;
-use crate::math::twofold::{Twofold, expanded};
+use crate::math::twofold::{PIVOT_NONE, Twofold, expanded, pivots};
 use crate::math::{Arithmetic, Jet, Spectrum};
 
 /// How many coefficients of u are made: orders 0 to 12.
 pub const ORDERS: usize = 13;
+
+/// A differential this much shorter than the longest is 0 but for rounding.
+const LENGTH_NONE: f64 = 1e-13;
 
 /// A push at one instant, its finger at constant velocity.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,10 +70,6 @@ impl Told {
     }
 }
 
-/// Below this last pivot, in twofold precision, something is unseen: rounding is at 1e-30, and what shows in `f64` at all
-/// is above 1e-14.
-pub const PIVOT_NONE: f64 = 1e-22;
-
 impl ConstantPush {
     /// How many numbers the state has: u, s, ω and, unless the contact rolls, v_T.
     #[must_use]
@@ -93,9 +92,46 @@ impl ConstantPush {
         let matrix = DMatrix::from_fn(rows.len().max(states), states, |row, column| {
             rows.get(row).map_or(0.0, |row| row[column].re())
         });
+        let last = |pivots: Vec<f64>| pivots[states - 1];
         Told {
             spectrum: Spectrum::of(matrix),
-            last_pivot: [last_pivot(self.rows::<f64>(order, scales), states), last_pivot(rows, states)],
+            last_pivot: [last(pivots(self.rows::<f64>(order, scales), states)), last(pivots(rows, states))],
+        }
+    }
+
+    /// The differentials of the coefficients of u up to an order, each at length 1, so that every order weighs alike and rank is
+    /// all that counts; in `f64`. What is 0 but for rounding beside the longest stays 0.
+    #[must_use]
+    pub fn directions(&self, order: usize, scales: &Scales) -> DMatrix<f64> {
+        let rows = self.rows::<f64>(order, scales);
+        let lengths: Vec<f64> =
+            rows.iter().map(|row| row.iter().map(|entry| entry * entry).sum::<f64>().sqrt()).collect();
+        let longest = lengths.iter().copied().fold(0.0, f64::max);
+        let states = self.dimension();
+        DMatrix::from_fn(rows.len().max(states), states, |row, column| {
+            rows.get(row)
+                .filter(|_| lengths[row] > LENGTH_NONE * longest)
+                .map_or(0.0, |entries| entries[column] / lengths[row])
+        })
+    }
+
+    /// How fast the slowest foot goes, m/s: where one rests friction has no direction, and no series. Infinite on ice.
+    #[must_use]
+    pub fn slowest_foot(&self) -> f64 {
+        let [s, omega, v_t] = self.state;
+        let (along, normal) = (self.v_t(omega, v_t, self.finger[0]), self.finger[1] + s * omega);
+        let speed = |foot: &[f64; 3]| (along - omega * foot[0]).hypot(normal - omega * foot[1]);
+        if self.mu_g > 0.0 { self.feet.iter().map(speed).fold(f64::INFINITY, f64::min) } else { f64::INFINITY }
+    }
+
+    /// What the closing is divided by for the force: 1 and more where the contact rolls, 0 where sliding jams (Painlevé).
+    #[must_use]
+    pub fn yielding(&self) -> f64 {
+        match self.contact {
+            ConstantContact::Rolls => 1.0,
+            ConstantContact::Slides(m) => {
+                1.0 + self.state[0] * (self.state[0] - m * self.height) / self.inertia_per_mass
+            }
         }
     }
 
@@ -159,34 +195,6 @@ impl ConstantPush {
         };
         ([omega, rates_s, rates_omega, rates_v_t, omega * finger_n, -(omega * finger_t)], force)
     }
-}
-
-/// Of an elimination with full pivoting, the last pivot over the first.
-fn last_pivot<A: Arithmetic>(mut rows: Vec<[A; 4]>, states: usize) -> f64 {
-    let mut columns: Vec<usize> = (0..states).collect();
-    let (mut first, mut last) = (0.0, 0.0);
-    for step in 0..states {
-        let places = (step..rows.len()).flat_map(|row| columns.iter().map(move |&column| (row, column)));
-        let size = |&(row, column): &(usize, usize)| rows[row][column].re().abs();
-        let Some((row, column)) = places.max_by(|a, b| size(a).total_cmp(&size(b))) else { return 0.0 };
-        last = size(&(row, column));
-        if step == 0 {
-            first = last;
-        }
-        if last == 0.0 {
-            return 0.0;
-        }
-        rows.swap(step, row);
-        columns.retain(|&left| left != column);
-        let pivot = rows[step];
-        for row in &mut rows[step + 1..] {
-            let factor = row[column] / pivot[column];
-            for &left in &columns {
-                row[left] = row[left] - factor * pivot[left];
-            }
-        }
-    }
-    last / first
 }
 
 #[cfg(test)]
