@@ -48,6 +48,7 @@ const PROCESSOR_S: &[(&str, f64)] = &[
     ("7-which", 91.0),
     ("7-gho", 12.0),
     ("observability", 160.0),
+    ("observability-exceptions", 400.0),
     ("7-observability", 40.0),
     ("drawn-rolls", 35.0),
 ];

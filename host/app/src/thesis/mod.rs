@@ -100,6 +100,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     rolling::WHICH,
     rolling::GHO,
     observability::PUSHES,
+    observability::EXCEPTIONS,
     observability::ROLLS,
     drawn_rolls::EXPERIMENT,
 ];
@@ -357,7 +358,8 @@ pub fn find(name: &str) -> Option<&'static Experiment> {
 /// answers; none beyond the thesis.
 #[must_use]
 pub fn chapter(name: &str) -> Option<&str> {
-    const QUESTIONS: [(&str, &str); 3] = [("observability", "5"), ("basin", "6"), ("finger-shapes", "8")];
+    const QUESTIONS: [(&str, &str); 4] =
+        [("observability", "5"), ("observability-exceptions", "5"), ("basin", "6"), ("finger-shapes", "8")];
     if let Some((_, chapter)) = QUESTIONS.iter().find(|(table, _)| *table == name) {
         return Some(chapter);
     }
@@ -376,6 +378,7 @@ pub fn figures(experiment: &Experiment, settings: &TableSettings) -> Option<Vec<
         name if name == gho::BASIN.name => Some(gho::basin_figures(settings)),
         name if name == finger_shapes::EXPERIMENT.name => Some(finger_shapes::figures(settings)),
         name if name == observability::PUSHES.name => Some(observability::figures(settings)),
+        name if name == observability::EXCEPTIONS.name => Some(observability::exception_figures(settings)),
         _ => None,
     }
 }

@@ -10,7 +10,7 @@ use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::random::Draw;
 use palpate::math::statistics::percentile;
 use palpate::pushing::observability::Scales;
-use palpate::pushing::observability::constant_velocity::{ConstantContact, ConstantPush, Told};
+use palpate::pushing::observability::constant_velocity::{ConstantContact, ConstantPush, LeastTold, ORDERS, Told};
 use palpate::rolling::constant_velocity::{RollTold, told};
 use palpate::rolling::{
     Egg, Inputs, Model, RollObservability, RollState, RollingBody, RoundedShape, Spin, observability,
@@ -27,6 +27,14 @@ pub(super) const PUSHES: Experiment = Experiment {
     title: "what a push tells while the finger does not accelerate, by order and precision",
     cases: 1000,
     run: pushes,
+};
+
+/// Where derivatives do not tell, sought instead of drawn.
+pub(super) const EXCEPTIONS: Experiment = Experiment {
+    name: "observability-exceptions",
+    title: "states of a push that so many derivatives do not tell, sought by descents",
+    cases: 200,
+    run: exceptions,
 };
 
 /// Rolls on a palm that does not accelerate, and the degenerate contacts of Theorem 32.
@@ -216,6 +224,116 @@ fn pushes(settings: &TableSettings) -> Table {
     table
 }
 
+/// What is as small as this share of the largest singular value is 0 where a descent ended: it goes on until rounding ends it,
+/// and other ends are above.
+const LOST: f64 = 1e-9;
+
+/// Kinds whose exceptions are sought: those of [`KINDS`] that are not special.
+const SOUGHT: usize = 6;
+
+/// Orders at which they are sought, beyond the first that can tell all; and the highest.
+const BEYOND: [usize; 4] = [0, 1, 2, 3];
+/// See [`BEYOND`].
+const HIGHEST: usize = ORDERS - 1;
+
+/// States are sought as far as they are drawn: of s in radii of gyration, of ω rad/s and of v_T m/s.
+fn bounds(push: &ConstantPush) -> [f64; 3] {
+    [1.3 * push.inertia_per_mass.sqrt(), 2.0, 0.03]
+}
+
+fn exceptions(settings: &TableSettings) -> Table {
+    let mut table = Table::new([
+        "contact, derivatives",
+        "descents",
+        "lose rank",
+        "at the edge",
+        "one more, least pivot",
+        "all 12, least pivot",
+        "others: least",
+        "median",
+        "slowest foot mm/s",
+    ]);
+    table.definitions = [
+        "From each push drawn as for the table observability a descent to a state of the same part and finger at which the differentials of u and of its first derivatives, as many as the row says, come nearest to losing rank: down the least singular value, each differential at length 1, each state in units of what it shows at the start. |s| up to 1.3 radii of gyration, |ω| up to 2 rad/s, |v_T| up to 3 cm/s; the contact presses and no foot is slower than 2 mm/s.",
+        "lose rank: the share of descents that end below 1e-9 of the largest. at the edge: of those, where the state may not go on. least pivot: of those states, by one derivative more and by 12, in twofold precision, as a share of the first; on ice rounding. others: the least singular value, least and median of the descents that end above; slowest foot: at the least.",
+    ]
+    .map(str::to_owned)
+    .to_vec();
+    let small = |value: Option<f64>| value.map_or(Cell::Empty, |value| Cell::from(format!("{value:.0e}")));
+    for (number, kind) in KINDS.iter().take(SOUGHT).enumerate() {
+        let states = kind.drawn(&mut Draw::case(settings.seed, 1_000_000 * number)).dimension();
+        for order in BEYOND.map(|beyond| states - 1 + beyond).into_iter().chain([HIGHEST]) {
+            let found: Vec<(LeastTold, Option<[f64; 2]>)> = of_each(settings.cases, |case| {
+                let push = kind.drawn(&mut Draw::case(settings.seed, 1_000_000 * number + case));
+                let scales = scales(&push);
+                let found = push.least_told(order, &scales, bounds(&push))?;
+                let more = (found.least < LOST)
+                    .then(|| [order + 1, HIGHEST].map(|order| found.push.told(order, &scales).last_pivot[1]));
+                Some((found, more))
+            })
+            .into_iter()
+            .flatten()
+            .collect();
+            let lost: Vec<_> = found.iter().filter_map(|(found, more)| Some((found.at_edge, (*more)?))).collect();
+            let others = || found.iter().filter(|(_, more)| more.is_none()).map(|(found, _)| found);
+            let pivot = |which: usize| small(lost.iter().map(|(_, pivots)| pivots[which]).reduce(f64::min));
+            let least = others().min_by(|a, b| a.least.total_cmp(&b.least));
+            table.push([
+                format!("{}, {order}", kind.name).into(),
+                Cell::count(found.len()),
+                Cell::share(lost.len(), found.len()),
+                Cell::share(lost.iter().filter(|(at_edge, _)| *at_edge).count(), lost.len()),
+                if order < HIGHEST { pivot(0) } else { Cell::Empty },
+                pivot(1),
+                small(least.map(|found| found.least)),
+                small(percentile(others().map(|found| found.least), 50)),
+                least
+                    .map(|found| found.push.slowest_foot())
+                    .filter(|speed| speed.is_finite())
+                    .map_or(Cell::Empty, |speed| Cell::number(1e3 * speed, 1)),
+            ]);
+        }
+    }
+    table
+}
+
+/// The push of the pictures, on a table unless `mu_g` is 0.
+fn pictured(contact: ConstantContact, mu_g: f64, omega: f64) -> ConstantPush {
+    ConstantPush {
+        radius: 0.01,
+        height: 0.02,
+        inertia_per_mass: 4e-4,
+        mu_g,
+        feet: vec![[0.018, 0.0, 0.3], [-0.01, 0.016, 0.4], [-0.008, -0.017, 0.3]],
+        contact,
+        state: [0.006, omega, 0.012],
+        finger: [0.0, -0.05],
+    }
+}
+
+/// Where derivatives do not tell the state of one push, in the plane of one v_T.
+pub(super) fn exception_figures(_: &TableSettings) -> Vec<(String, Figure)> {
+    let caption = "States of one push without friction at the finger, on a table, the part sliding along the finger by 12 mm/s. On the lines u and three derivatives do not tell the state, at the points four do not, either. Five tell every state in this plane; through space there are points at which it takes six.";
+    let mut chart = Chart::new("", ["where the part is touched, s [mm]", "ω [rad/s]"]);
+    let scales = Scales { length: 0.02, time: 0.015 };
+    for (order, name, colour) in
+        [(3, "three derivatives do not tell", Colour::BLUE), (4, "four do not", Colour::VERMILLION)]
+    {
+        let starts = 24 * 24;
+        let ends = of_each(starts, |start| {
+            let [across, up] = [start % 24, start / 24].map(|place| (place as f64 + 0.5) / 12.0 - 1.0);
+            let mut push = pictured(ConstantContact::Slides(0.0), 3.0, 2.0 * up);
+            push.state[0] = 0.026 * across;
+            let found = push.least_told_along(order, &scales, bounds(&push), [true, true, false])?;
+            let [s, omega, _] = found.push.state;
+            (found.least < LOST).then_some([1e3 * s, omega])
+        });
+        chart.dots(name, &ends.into_iter().flatten().collect::<Vec<_>>(), colour);
+    }
+    let figure = captioned("Where derivatives do not tell", [760.0, 440.0], caption);
+    vec![("observability-exceptions".to_owned(), figure.column(1.0, vec![chart.into()]))]
+}
+
 /// How well a push tells its state by how fast the part turns, on a table and on ice.
 pub(super) fn figures(_: &TableSettings) -> Vec<(String, Figure)> {
     let caption = "The least singular value of what a push at constant velocity tells, up to order 12, by how fast the part turns. On ice it falls to 0 where the part does not turn: where it is touched then changes nothing. In the two other notches three derivatives of the angle do not tell, and a fourth does. On a table friction turns the part, and all shows.";
@@ -229,16 +347,7 @@ pub(super) fn figures(_: &TableSettings) -> Vec<(String, Figure)> {
         let curve: Vec<_> = (-100..=100)
             .map(|k| 0.02 * f64::from(k))
             .filter_map(|omega| {
-                let push = ConstantPush {
-                    radius: 0.01,
-                    height: 0.02,
-                    inertia_per_mass: 4e-4,
-                    mu_g,
-                    feet: vec![[0.018, 0.0, 0.3], [-0.01, 0.016, 0.4], [-0.008, -0.017, 0.3]],
-                    contact,
-                    state: [0.006, omega, 0.012],
-                    finger: [0.0, -0.05],
-                };
+                let push = pictured(contact, mu_g, omega);
                 // The same unit of time for all curves.
                 let told = push.told(12, &Scales { length: 0.02, time: 0.015 });
                 Some([omega, least(&told).log10()]).filter(|point| point[1] > -16.0)
@@ -511,6 +620,24 @@ mod tests {
             // On ice a part that does not turn hides its place.
             let hides = name.contains("ice, ω=0");
             assert_eq!(full(row), !hides, "{name}: {table}");
+        }
+    }
+
+    /// Surfaces, curves and points at which so many derivatives do not tell; none at which one more does not. On ice, where
+    /// the part does not turn, no number of them tells.
+    #[test]
+    fn states_that_are_sought_are_as_the_page_says() {
+        let table = exceptions(&TableSettings { cases: 30, seed: 1, jobs: None });
+        let share = |row: &[Cell]| if let Cell::Share(share) = row[2] { share } else { panic!("{table}") };
+        let rows: Vec<_> = table.rows().collect();
+        assert_eq!(rows.len(), SOUGHT * (BEYOND.len() + 1));
+        for (kind, rows) in KINDS.iter().zip(rows.chunks(BEYOND.len() + 1)) {
+            let shares: Vec<f64> = rows.iter().map(|row| share(row)).collect();
+            // Of three states in rolling two are free, of four three: where none is left to meet one condition more.
+            let met = if kind.name.starts_with("rolling") { 2 } else { 3 };
+            for (place, share) in shares.into_iter().enumerate() {
+                assert_eq!(share > 0.0, kind.on_ice || place < met, "{}, {place}: {table}", kind.name);
+            }
         }
     }
 
