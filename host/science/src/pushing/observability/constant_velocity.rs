@@ -277,6 +277,7 @@ mod tests {
 
     use super::*;
     use crate::geometry::SimplePolygon;
+    use crate::math::random::Draw;
     use crate::pushing::dynamics::{ContactMode, Finger, Mass, Part, PushModel, Slip, State};
 
     const SCALES: Scales = Scales { length: 0.02, time: 0.045 };
@@ -398,17 +399,6 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
 
-        /// Seeking finds what is there: on ice the surface ω = 0, at every order.
-        #[test]
-        fn a_descent_finds_the_states_that_hide_their_place_on_ice(push in pushes()) {
-            let push = ConstantPush { mu_g: 0.0, ..push };
-            let found = push.least_told(6, &SCALES, [0.02, 2.0, 0.03]);
-            prop_assume!(found.as_ref().is_some_and(|found| !found.at_edge));
-            let LeastTold { push, least, .. } = found.unwrap();
-            prop_assert!(least > 1e-9 || push.state[1].abs() < 1e-3, "{least:e} {push:?}");
-            prop_assert!(least < 1e-9 || push.state[1].abs() > 1e-3, "{least:e} {push:?}");
-        }
-
         /// On a table three derivatives miss whole surfaces. Where a descent ends on one, more derivatives tell what those miss.
         #[test]
         fn where_three_derivatives_do_not_tell_on_a_table_more_do(push in pushes()) {
@@ -419,6 +409,31 @@ mod tests {
             let more = push.told(12, &SCALES).last_pivot[1];
             prop_assert!(few < 1e-9 && more > 1e2 * few && more > PIVOT_NONE, "{few:e} {more:e} {push:?}");
         }
+    }
+
+    /// Seeking finds what is there: on ice the surface ω = 0, beside which the contact lets go.
+    #[test]
+    fn descents_find_the_states_that_hide_their_place_on_ice() {
+        let found: Vec<_> = (0..60)
+            .filter_map(|case| {
+                let mut draw = Draw::case(1, case);
+                let push = ConstantPush {
+                    radius: draw.uniform(0.005, 0.02),
+                    height: draw.uniform(0.01, 0.03),
+                    inertia_per_mass: draw.uniform(0.01, 0.03).powi(2),
+                    mu_g: 0.0,
+                    feet: Vec::new(),
+                    contact: ConstantContact::Slides(draw.uniform(-0.4, 0.4)),
+                    state: [draw.uniform(-0.02, 0.02), draw.uniform(-2.0, 2.0), draw.uniform(-0.03, 0.03)],
+                    finger: [draw.uniform(-0.02, 0.02), -0.05],
+                };
+                push.least_told(6, &SCALES, [0.02, 2.0, 0.03])
+            })
+            .collect();
+        let lost: Vec<_> = found.iter().filter(|found| found.least < 1e-9).collect();
+        assert!(found.len() > 20 && lost.len() > found.len() / 2, "{} of {}", lost.len(), found.len());
+        // A descent ends where rounding ends it.
+        assert!(lost.iter().all(|found| found.push.state[1].abs() < 0.01), "{lost:?}");
     }
 
     /// Appendix E's condition 1 fails where s² = h² + ρ²; a derivative more tells what it misses.
