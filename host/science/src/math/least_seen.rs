@@ -5,7 +5,8 @@
 //! projection): the residuals are M v, their slopes (∂M/∂x) v less what a turn of v takes back.
 //!
 //! Implements: G. H. Golub and V. Pereyra, "The differentiation of pseudo-inverses and nonlinear least squares problems
-//! whose variables separate" (1973), with L. Kaufman's simplification; descends with [`least_squares`].
+//! whose variables separate" (1973), with L. Kaufman's simplification; descends with
+//! [`least_squares`](super::least_squares).
 //! Assumes: at least as many rows as columns. Units: the caller's; unknowns scaled to order 1. Errors: none; where there is
 //! no matrix the descent does not go.
 

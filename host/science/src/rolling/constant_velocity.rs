@@ -1,7 +1,7 @@
 //! What the contact's path tells of a roll whose palm does not accelerate: the coefficients of u(t) order by order, in two
 //! precisions.
 //!
-//! [`observability`](super::observability) weighs all orders at once, over a window and in one precision. Here they are taken one by one:
+//! [`observability`](mod@super::observability) weighs all orders at once, over a window and in one precision. Here they are taken one by one:
 //! the coefficients of u as a power series of time, with their derivatives by the state at its start, exact but for
 //! rounding, and rounding of two kinds. What is 0 but for rounding shrinks by 16 digits from one to the other; what is not
 //! stays, and raising the order can only add.
