@@ -432,8 +432,9 @@ mod tests {
             .collect();
         let lost: Vec<_> = found.iter().filter(|found| found.least < 1e-9).collect();
         assert!(found.len() > 20 && lost.len() > found.len() / 2, "{} of {}", lost.len(), found.len());
-        // A descent ends where rounding ends it.
-        assert!(lost.iter().all(|found| found.push.state[1].abs() < 0.01), "{lost:?}");
+        // Its differentials shrink with powers of ω times the unit of time, here 0.045 s: the fourth is below what counts, 1e-13 of
+        // the longest, from some 0.0125 rad/s down, where a descent then ends. Of parts drawn over 2 rad/s.
+        assert!(lost.iter().all(|found| found.push.state[1].abs() < 0.05), "{lost:?}");
     }
 
     /// Appendix E's condition 1 fails where s² = h² + ρ²; a derivative more tells what it misses.
