@@ -61,7 +61,7 @@ pub(crate) struct Arguments {
 }
 
 /// The tables that have figures.
-const FIGURES: [&str; 4] = ["6", "basin", "finger-shapes", "observability"];
+const FIGURES: [&str; 5] = ["6", "basin", "finger-shapes", "observability", "observability-exceptions"];
 
 /// The table that is made of recordings.
 const REAL: &str = "real";
@@ -236,7 +236,7 @@ impl Arguments {
             return Ok(());
         }
         let is_without = self.names.iter().find(|name| !FIGURES.contains(&name.as_str()));
-        let help = "those with figures are 6, basin, finger-shapes and observability; a figure by itself: palpate tables figure-2.4 --plot DIR; of recordings: palpate tables real FOLDER --plot DIR";
+        let help = "those with figures are 6, basin, finger-shapes, observability and observability-exceptions; a figure by itself: palpate tables figure-2.4 --plot DIR; of recordings: palpate tables real FOLDER --plot DIR";
         match is_without {
             _ if self.plot.is_none() => Ok(()),
             Some(name) => Err(miette!(help = help, "table {name} has no figures")),

@@ -18,7 +18,9 @@ use palpate::math::statistics;
 use palpate::pushing::dynamics::{ContactLaw, ContactMode, EdgeEnd, Finger, Part, Push, PushModel, Start, State};
 use palpate::pushing::estimation::{Gho, GhoSettings};
 
-pub(super) use figures::{BASIN, EXPERIMENT as FIGURES, basin_figures, figures};
+pub(super) use figures::{
+    BASIN, EXPERIMENT as FIGURES, FIGURE_6_1, FIGURE_6_2, FIGURE_6_3, FIGURE_6_4, basin_figures, figures,
+};
 
 use super::{Cell, Experiment, Table, TableSettings};
 

@@ -100,6 +100,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     rolling::WHICH,
     rolling::GHO,
     observability::PUSHES,
+    observability::EXCEPTIONS,
     observability::ROLLS,
     drawn_rolls::EXPERIMENT,
 ];
@@ -353,9 +354,15 @@ pub fn find(name: &str) -> Option<&'static Experiment> {
     EXPERIMENTS.iter().find(|experiment| experiment.name == name)
 }
 
-/// The chapter of the thesis, or its appendix, that a table or figure belongs to by its name; none beyond the thesis.
+/// The chapter of the thesis, or its appendix, that a table or figure belongs to, by its name or by the question that it
+/// answers; none beyond the thesis.
 #[must_use]
 pub fn chapter(name: &str) -> Option<&str> {
+    const QUESTIONS: [(&str, &str); 4] =
+        [("observability", "5"), ("observability-exceptions", "5"), ("basin", "6"), ("finger-shapes", "8")];
+    if let Some((_, chapter)) = QUESTIONS.iter().find(|(table, _)| *table == name) {
+        return Some(chapter);
+    }
     let number = name.strip_prefix("figure-").unwrap_or(name);
     let chapter = number.split(['.', '-']).next()?;
     let is_chapter =
@@ -371,6 +378,7 @@ pub fn figures(experiment: &Experiment, settings: &TableSettings) -> Option<Vec<
         name if name == gho::BASIN.name => Some(gho::basin_figures(settings)),
         name if name == finger_shapes::EXPERIMENT.name => Some(finger_shapes::figures(settings)),
         name if name == observability::PUSHES.name => Some(observability::figures(settings)),
+        name if name == observability::EXCEPTIONS.name => Some(observability::exception_figures(settings)),
         _ => None,
     }
 }

@@ -37,10 +37,19 @@ pub trait Arithmetic:
     fn recip(&self) -> Self;
 }
 
-/// A number that formulas are written for.
-pub trait Number:
-    Arithmetic + Add<f64, Output = Self> + Sub<f64, Output = Self> + Mul<f64, Output = Self> + Div<f64, Output = Self> + Sum
+/// A number that formulas of sums, products, quotients and roots are written for, with plain numbers in them.
+pub trait Algebraic:
+    Arithmetic + Add<f64, Output = Self> + Sub<f64, Output = Self> + Mul<f64, Output = Self> + Div<f64, Output = Self>
 {
+}
+
+impl<T> Algebraic for T where
+    T: Arithmetic + Add<f64, Output = T> + Sub<f64, Output = T> + Mul<f64, Output = T> + Div<f64, Output = T>
+{
+}
+
+/// A number that formulas are written for.
+pub trait Number: Algebraic + Sum {
     /// Its sine and cosine, as an angle in rad.
     fn sin_cos(&self) -> (Self, Self);
     /// Its power by a whole number.
@@ -217,7 +226,7 @@ impl<const N: usize, T: Arithmetic> Div for Jet<N, T> {
     }
 }
 
-impl<const N: usize, T: Number> Add<f64> for Jet<N, T> {
+impl<const N: usize, T: Algebraic> Add<f64> for Jet<N, T> {
     type Output = Self;
 
     #[inline]
@@ -226,7 +235,7 @@ impl<const N: usize, T: Number> Add<f64> for Jet<N, T> {
     }
 }
 
-impl<const N: usize, T: Number> Sub<f64> for Jet<N, T> {
+impl<const N: usize, T: Algebraic> Sub<f64> for Jet<N, T> {
     type Output = Self;
 
     #[inline]
@@ -235,7 +244,7 @@ impl<const N: usize, T: Number> Sub<f64> for Jet<N, T> {
     }
 }
 
-impl<const N: usize, T: Number> Mul<f64> for Jet<N, T> {
+impl<const N: usize, T: Algebraic> Mul<f64> for Jet<N, T> {
     type Output = Self;
 
     #[inline]
@@ -244,7 +253,7 @@ impl<const N: usize, T: Number> Mul<f64> for Jet<N, T> {
     }
 }
 
-impl<const N: usize, T: Number> Div<f64> for Jet<N, T> {
+impl<const N: usize, T: Algebraic> Div<f64> for Jet<N, T> {
     type Output = Self;
 
     #[inline]

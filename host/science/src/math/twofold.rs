@@ -10,7 +10,7 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::Arithmetic;
+use super::{Algebraic, Arithmetic};
 
 /// A number as the sum of two: its nearest `f64`, and what is left.
 ///
@@ -88,6 +88,38 @@ impl Div for Twofold {
         let second = left.high / other.high;
         let left = left - other * Self::from(second);
         Self::settled(first, second) + Self::from(left.high / other.high)
+    }
+}
+
+impl Add<f64> for Twofold {
+    type Output = Self;
+
+    fn add(self, other: f64) -> Self {
+        self + Self::from(other)
+    }
+}
+
+impl Sub<f64> for Twofold {
+    type Output = Self;
+
+    fn sub(self, other: f64) -> Self {
+        self - Self::from(other)
+    }
+}
+
+impl Mul<f64> for Twofold {
+    type Output = Self;
+
+    fn mul(self, other: f64) -> Self {
+        self * Self::from(other)
+    }
+}
+
+impl Div<f64> for Twofold {
+    type Output = Self;
+
+    fn div(self, other: f64) -> Self {
+        self / Self::from(other)
     }
 }
 
@@ -177,6 +209,40 @@ impl<A: Arithmetic, const K: usize> Div for Series<A, K> {
     }
 }
 
+impl<A: Algebraic, const K: usize> Add<f64> for Series<A, K> {
+    type Output = Self;
+
+    fn add(mut self, other: f64) -> Self {
+        self.0[0] = self.0[0] + other;
+        self
+    }
+}
+
+impl<A: Algebraic, const K: usize> Sub<f64> for Series<A, K> {
+    type Output = Self;
+
+    fn sub(mut self, other: f64) -> Self {
+        self.0[0] = self.0[0] - other;
+        self
+    }
+}
+
+impl<A: Algebraic, const K: usize> Mul<f64> for Series<A, K> {
+    type Output = Self;
+
+    fn mul(self, other: f64) -> Self {
+        Self(self.0.map(|own| own * other))
+    }
+}
+
+impl<A: Algebraic, const K: usize> Div<f64> for Series<A, K> {
+    type Output = Self;
+
+    fn div(self, other: f64) -> Self {
+        Self(self.0.map(|own| own / other))
+    }
+}
+
 impl<A: Arithmetic, const K: usize> Arithmetic for Series<A, K> {
     fn sqrt(&self) -> Self {
         let first = self.0[0].sqrt();
@@ -215,6 +281,43 @@ pub fn expanded<A: Arithmetic, const S: usize, const K: usize>(
     }
     states
 }
+
+/// Of an elimination with full pivoting the pivots in turn, as shares of the first: as many as there are columns counted, 0
+/// where nothing is left. Of `rows` the first `columns` entries count.
+///
+/// Rank is how many are not 0; which are, two precisions tell: what is 0 but for rounding differs between them by many
+/// orders of magnitude.
+#[must_use]
+pub fn pivots<A: Arithmetic, const N: usize>(mut rows: Vec<[A; N]>, columns: usize) -> Vec<f64> {
+    let mut left: Vec<usize> = (0..columns).collect();
+    let mut found = Vec::new();
+    for step in 0..columns {
+        let places = (step..rows.len()).flat_map(|row| left.iter().map(move |&column| (row, column)));
+        let size = |&(row, column): &(usize, usize)| rows[row][column].re().abs();
+        let Some((row, column)) = places.max_by(|a, b| size(a).total_cmp(&size(b))) else { break };
+        let pivot = size(&(row, column));
+        if pivot == 0.0 {
+            break;
+        }
+        found.push(pivot);
+        rows.swap(step, row);
+        left.retain(|&other| other != column);
+        let pivot = rows[step];
+        for row in &mut rows[step + 1..] {
+            let factor = row[column] / pivot[column];
+            for &other in &left {
+                row[other] = row[other] - factor * pivot[other];
+            }
+        }
+    }
+    let first = found.first().copied().unwrap_or(1.0);
+    found.resize(columns, 0.0);
+    found.into_iter().map(|pivot| pivot / first).collect()
+}
+
+/// Below this share of the first a pivot in twofold precision is 0 but for rounding, which is at 1e-30; what shows in `f64`
+/// at all is above 1e-14.
+pub const PIVOT_NONE: f64 = 1e-22;
 
 #[cfg(test)]
 mod tests {

@@ -28,7 +28,7 @@ use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector2, Vector3};
 
 use super::body::RollingBody;
 use super::shape::{Scaled, cross, dot};
-use crate::math::Number;
+use crate::math::Algebraic;
 use crate::math::ode::{self, Moment, Moves};
 
 /// Up to here the series of 1/√(1 + x) to the third power of x is exact: what follows is 0.27 x⁴.
@@ -388,25 +388,39 @@ pub(super) struct StateOf<T> {
     pub(super) omega: [T; 3],
 }
 
+impl<T: Algebraic> StateOf<T> {
+    /// The orientation as a matrix, by rows.
+    fn rotation(&self) -> [[T; 3]; 3] {
+        let [w, x, y, z] = self.orientation;
+        let two = |a: T, b: T| a * b * 2.0;
+        let square = |a: T| a * a;
+        // Without the division a derivative across the quaternion's length would be wrong.
+        let per = (square(w) + square(x) + square(y) + square(z)).recip();
+        [
+            [square(w) + square(x) - square(y) - square(z), two(x, y) - two(w, z), two(x, z) + two(w, y)],
+            [two(x, y) + two(w, z), square(w) - square(x) + square(y) - square(z), two(y, z) - two(w, x)],
+            [two(x, z) - two(w, y), two(y, z) + two(w, x), square(w) - square(x) - square(y) + square(z)],
+        ]
+        .map(|row| row.map(|entry| entry * per))
+    }
+
+    /// Palm axes → body axes.
+    pub(super) fn to_body(&self, v: [T; 3]) -> [T; 3] {
+        let rows = self.rotation();
+        [0, 1, 2].map(|i| rows[0][i] * v[0] + rows[1][i] * v[1] + rows[2][i] * v[2])
+    }
+}
+
 impl Model<'_> {
     /// `u'` and the rates of orientation and angular velocity, with numbers that carry derivatives; `None` for a custom
     /// shape.
-    pub(super) fn rates_with<T: Number>(
+    pub(super) fn rates_with<T: Algebraic>(
         &self,
         state: &StateOf<T>,
         specific_force_palm: &Vector3<f64>,
     ) -> Option<([T; 2], StateOf<T>)> {
         let StateOf { orientation: [w, x, y, z], omega } = *state;
-        let two = |a: T, b: T| a * b * 2.0;
-        let square = |a: T| a * a;
-        // Without the division a derivative across the quaternion's length would be wrong.
-        let per = (square(w) + square(x) + square(y) + square(z)).recip();
-        let rows = [
-            [square(w) + square(x) - square(y) - square(z), two(x, y) - two(w, z), two(x, z) + two(w, y)],
-            [two(x, y) + two(w, z), square(w) - square(x) + square(y) - square(z), two(y, z) - two(w, x)],
-            [two(x, z) - two(w, y), two(y, z) + two(w, x), square(w) - square(x) - square(y) + square(z)],
-        ]
-        .map(|row| row.map(|entry| entry * per));
+        let rows = state.rotation();
         let normal = rows[2].map(|entry| -entry);
         let specific_force = [0, 1, 2].map(|i| {
             rows[0][i] * specific_force_palm.x + rows[1][i] * specific_force_palm.y + rows[2][i] * specific_force_palm.z

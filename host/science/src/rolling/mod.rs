@@ -9,7 +9,7 @@
 //! - [`palm`]: how the palm accelerates; [`mechanics`]: rates, contact force and energy at one instant; [`run`]: a
 //!   whole roll;
 //! - [`flow`]: how the motion changes with its start, the body and the palm; [`mod@observability`]: what of the state
-//!   the path tells;
+//!   the path tells; [`constant_velocity`]: the same order by order, in two precisions;
 //! - [`observer`]: pose and motion from a path, without a prior; [`tracker`]: the same live, contact by contact;
 //! - [`gho`]: the thesis's kind of observer, and why it is not used.
 //!
@@ -19,6 +19,7 @@
 //! energies and inertia over the body's mass, which drops out.
 
 pub mod body;
+pub mod constant_velocity;
 pub mod flow;
 pub mod gho;
 pub mod mechanics;

@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::math::{Jet, Number};
+use crate::math::{Algebraic, Jet, Number};
 
 /// A smooth convex shape.
 #[derive(Clone, Debug, PartialEq)]
@@ -162,7 +162,7 @@ impl Shape {
 
     /// [`roll`](Self::roll) with numbers that carry derivatives; `None` for a [`Custom`] shape, which cannot.
     #[must_use]
-    pub fn roll_with<T: Number>(&self, normal: [T; 3], turning: [T; 3]) -> Option<([T; 3], [T; 3])> {
+    pub fn roll_with<T: Algebraic>(&self, normal: [T; 3], turning: [T; 3]) -> Option<([T; 3], [T; 3])> {
         match self {
             Self::Ellipsoid(ellipsoid) => Some(ellipsoid.roll_with(normal, turning)),
             Self::Egg(egg) => Some(egg.roll_with(normal, turning)),
@@ -214,7 +214,7 @@ impl Ellipsoid {
         Local { contact, hessian, slope }
     }
 
-    fn roll_with<T: Number>(&self, normal: [T; 3], turning: [T; 3]) -> ([T; 3], [T; 3]) {
+    fn roll_with<T: Algebraic>(&self, normal: [T; 3], turning: [T; 3]) -> ([T; 3], [T; 3]) {
         let e = self.semi_axes.map(|a| a * a);
         let w = [0, 1, 2].map(|i| normal[i] * e[i]);
         let per_h = dot(w, normal).sqrt().recip();
@@ -273,7 +273,7 @@ impl Egg {
         slope * self.skew
     }
 
-    fn roll_with<T: Number>(&self, p: [T; 3], v: [T; 3]) -> ([T; 3], [T; 3]) {
+    fn roll_with<T: Algebraic>(&self, p: [T; 3], v: [T; 3]) -> ([T; 3], [T; 3]) {
         let (mut contact, mut moving) = self.ellipsoid().roll_with(p, v);
         let (e, z, along) = (self.skew, p[2], dot(p, v));
         let (square, cube) = (z * z, z * z * z);
@@ -323,7 +323,7 @@ impl RoundedShape {
         Local { contact: p * self.radius + cubes * q3, hessian, slope }
     }
 
-    fn roll_with<T: Number>(&self, p: [T; 3], v: [T; 3]) -> ([T; 3], [T; 3]) {
+    fn roll_with<T: Algebraic>(&self, p: [T; 3], v: [T; 3]) -> ([T; 3], [T; 3]) {
         let e = self.fourths();
         let squares = [0, 1, 2].map(|i| p[i] * p[i] * e[i]);
         let cubes = [0, 1, 2].map(|i| squares[i] * p[i]);
@@ -337,12 +337,12 @@ impl RoundedShape {
 }
 
 /// `a·b` of numbers with derivatives.
-pub(super) fn dot<T: Number>(a: [T; 3], b: [T; 3]) -> T {
+pub(super) fn dot<T: Algebraic>(a: [T; 3], b: [T; 3]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// `a × b` of numbers with derivatives.
-pub(super) fn cross<T: Number>(a: [T; 3], b: [T; 3]) -> [T; 3] {
+pub(super) fn cross<T: Algebraic>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Where the thesis prints a figure without the numbers behind it, a problem with what the figure shows is drawn from the
 //! seed. Each comes with a table of what is to be seen and a caption that says what to look at; pictures are as wide as half
-//! a page needs. Figures 6.1 to 6.4 are with the observer that they show, in `gho`.
+//! a page needs. Figures 6.1 to 6.4 are with the observer that they show, in `gho`, which draws them together, too.
 //!
 //! By chapter: `inscription` (1.1, 2, A), `sampling` (3, B), `pushing` (1.2, 5, 6, C), `rolling` (7).
 //!
@@ -17,7 +17,7 @@ mod sampling;
 use nalgebra::{Point2, Vector2};
 use palpate::inscription::HalfPlane;
 
-use super::{Table, TableSettings};
+use super::{Table, TableSettings, gho};
 use crate::pictures::plot::{Colour, Figure, PlotScene, Stroke, Style, text_length};
 
 /// A figure of the thesis as a command.
@@ -56,6 +56,10 @@ pub const ILLUSTRATIONS: &[Illustration] = &[
     pushing::FIGURE_5_4,
     pushing::FIGURE_5_5,
     pushing::FIGURE_5_6,
+    gho::FIGURE_6_1,
+    gho::FIGURE_6_2,
+    gho::FIGURE_6_3,
+    gho::FIGURE_6_4,
     pushing::FIGURE_6_6,
     pushing::FIGURE_6_8,
     rolling::FIGURE_7_2,

@@ -18,7 +18,7 @@ use palpate::pushing::dynamics::{ContactMode, Finger, Part, State};
 use super::{Attempt, Case, Cell, Experiment, NEGLIGIBLE, STEP, STEPS_MAX, Table, TableSettings, ZETA, state};
 use crate::pictures::observer::{Moment, ObserverPicture};
 use crate::pictures::plot::{Chart, Colour, Figure};
-use crate::thesis::figures::captioned;
+use crate::thesis::figures::{Illustration, captioned};
 
 /// The pushes of figures 6.1 to 6.4.
 pub(in crate::thesis) const EXPERIMENT: Experiment = Experiment {
@@ -176,6 +176,49 @@ fn polygon(draw: &mut Draw, vertices: usize) -> Option<SimplePolygon> {
 }
 
 fn run(settings: &TableSettings) -> Table {
+    table_of(&PRINTED, settings)
+}
+
+/// Figures 6.1 to 6.4, each by itself.
+pub(in crate::thesis) const FIGURE_6_1: Illustration = Illustration {
+    name: "figure-6.1",
+    title: "the thesis's observer follows a 7-gon that rolls on the disk",
+    cases: EXPERIMENT.cases,
+    make: |settings| illustrated(settings, 0, 0),
+};
+/// See [`FIGURE_6_1`].
+pub(in crate::thesis) const FIGURE_6_2: Illustration = Illustration {
+    name: "figure-6.2",
+    title: "states and estimates of figure 6.1",
+    cases: EXPERIMENT.cases,
+    make: |settings| illustrated(settings, 0, 1),
+};
+/// See [`FIGURE_6_1`].
+pub(in crate::thesis) const FIGURE_6_3: Illustration = Illustration {
+    name: "figure-6.3",
+    title: "the thesis's observer follows a 5-gon that slides on the disk without friction",
+    cases: EXPERIMENT.cases,
+    make: |settings| illustrated(settings, 1, 0),
+};
+/// See [`FIGURE_6_1`].
+pub(in crate::thesis) const FIGURE_6_4: Illustration = Illustration {
+    name: "figure-6.4",
+    title: "states and estimates of figure 6.3",
+    cases: EXPERIMENT.cases,
+    make: |settings| illustrated(settings, 1, 1),
+};
+
+/// One figure of a pair, with the row of the pair.
+fn illustrated(settings: &TableSettings, pair: usize, which: usize) -> (Table, Figure) {
+    let printed = &PRINTED[pair];
+    let table = table_of(std::slice::from_ref(printed), settings);
+    let pictures = printed.drawn(settings.seed, settings.cases).map(|followed| printed.pictures(&followed));
+    let picture = pictures.and_then(|pictures| pictures.into_iter().nth(which));
+    let none = || captioned(&format!("Figure {}", printed.figures[which]), [760.0, 100.0], "No push was followed.");
+    (table, picture.map_or_else(none, |(_, figure)| figure))
+}
+
+fn table_of(pairs: &[Printed], settings: &TableSettings) -> Table {
     let mut table = Table::new([
         "figures",
         "thesis apart cm",
@@ -191,7 +234,7 @@ fn run(settings: &TableSettings) -> Table {
         format!("one after: from then to the end u, s, ω and vT are within {:.1}°, {:.0} mm, {} rad/s and {:.1} cm/s. not followed before: pushes that lasted, and that the observer had not found 0.1 s before their end.", NEGLIGIBLE.u.to_degrees(), 1e3 * NEGLIGIBLE.s, NEGLIGIBLE.omega, 1e2 * NEGLIGIBLE.v_t),
     ]
     .to_vec();
-    for printed in &PRINTED {
+    for printed in pairs {
         let name = format!("{}, {}", printed.figures[0], printed.figures[1]);
         let Some(followed) = printed.drawn(settings.seed, settings.cases) else {
             table.failures.push(format!("{name}: of {} drawn none was followed", settings.cases));

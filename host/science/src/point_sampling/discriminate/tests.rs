@@ -210,17 +210,77 @@ fn depth_by_exhaustion(system: &SetSystem, sets: &[usize]) -> usize {
     (0..system.elements()).filter_map(depth).min().unwrap()
 }
 
+/// The sets by some of their elements alone.
+fn by_elements(sets: &[Vec<usize>], elements: &[usize]) -> SetSystem {
+    let kept =
+        |set: &Vec<usize>| (0..elements.len()).filter(|&place| set.contains(&elements[place])).collect::<Vec<_>>();
+    SetSystem::from_sets(elements.len(), &sets.iter().map(kept).collect::<Vec<_>>())
+}
+
+/// Least number of questions for elements that tell all sets apart, by trying all; none where they do not.
+fn questions_for(sets: &[Vec<usize>], elements: &[usize]) -> Option<usize> {
+    let system = by_elements(sets, elements);
+    let numbers: Vec<_> = (0..sets.len()).collect();
+    system.closer_than(1).is_empty().then(|| depth_by_exhaustion(&system, &numbers))
+}
+
+/// How few elements tell the sets apart, the fewest questions for any such choice, and for all elements: by trying all.
+fn fewest_and_shallowest(sets: &[Vec<usize>], elements: usize) -> Option<(usize, usize, usize)> {
+    let depths: Vec<(usize, usize)> =
+        subsets(elements).iter().filter_map(|chosen| Some((chosen.len(), questions_for(sets, chosen)?))).collect();
+    let fewest = depths.iter().map(|(size, _)| *size).min()?;
+    let of_fewest = depths.iter().filter(|(size, _)| *size == fewest).map(|(_, depth)| *depth).min()?;
+    Some((fewest, of_fewest, depths.iter().map(|(_, depth)| *depth).min()?))
+}
+
+/// The sets without one of their memberships, each in turn.
+fn with_one_less(sets: &[Vec<usize>]) -> Vec<Vec<Vec<usize>>> {
+    let places = (0..sets.len()).flat_map(|set| (0..sets[set].len()).map(move |place| (set, place)));
+    let without = |(set, place): (usize, usize)| {
+        let mut fewer = sets.to_vec();
+        fewer[set].remove(place);
+        fewer
+    };
+    places.map(without).collect()
+}
+
+/// Footnote 7 says two things of its example that are true, and concludes one that is not.
 #[test]
-fn the_thesis_example_has_shallow_questions_or_few_elements() {
-    // a b c d a' b' c' d' e' (footnote 7)
+fn footnote_7s_example_has_few_elements_and_shallow_questions_at_once() {
+    // a b c d a' b' c' d' e'
     let sets = [vec![0, 1, 4, 8], vec![0, 4], vec![1, 5, 7], vec![2, 5], vec![3, 6], vec![]];
+    let (plain, primed, mixed) = ([0, 1, 2, 3], [4, 5, 6, 7, 8], [0, 1, 3, 5]);
+    let told = |sets: &[Vec<usize>]| {
+        let of = |elements: &[usize]| questions_for(sets, elements);
+        (fewest_and_shallowest(sets, 9), of(&plain), of(&primed), of(&mixed))
+    };
+    let footnote = told(&sets);
+    // a, b, c, d are as few as there can be and take four questions, the five primed ones three, as few as there can be.
+    // But a, b, d, b' are four, too, and take three: ask b' first.
+    assert_eq!(footnote, (Some((4, 3, 3)), Some(4), Some(3), Some(3)));
     let system = SetSystem::from_sets(9, &sets);
     assert_eq!(solve(&system, 1).elements.len(), 4);
     let search = Search { separation: 1, target: 0, effort: Effort::Full, stop: &|| false };
+    let depth = |elements: &[usize]| questions(&system, elements, &search).0.depth();
+    assert_eq!([&all(&system)[..], &plain, &mixed].map(depth), [3, 4, 3]);
+    // Each membership is needed for that.
+    assert!(with_one_less(&sets).iter().all(|fewer| told(fewer) != footnote));
+}
+
+/// What footnote 7 concludes holds of another example: no choice of as few elements as can be is asked in as few questions
+/// as can be.
+#[test]
+fn few_elements_and_shallow_questions_may_exclude_each_other() {
+    // {a}, {a, b}, {a, c}, {d}, {d, e}, {e}
+    let sets = [vec![0], vec![0, 1], vec![0, 2], vec![3], vec![3, 4], vec![4]];
+    assert_eq!(fewest_and_shallowest(&sets, 5), Some((4, 4, 3)));
+    let system = SetSystem::from_sets(5, &sets);
+    let search = Search { separation: 1, target: 0, effort: Effort::Full, stop: &|| false };
     let (tree, bound) = questions(&system, &all(&system), &search);
-    assert_eq!((tree.depth(), bound), (3, 3));
-    // Asked for the four elements a, b, c, d alone it takes four questions.
-    assert_eq!(questions(&system, &[0, 1, 2, 3], &search).0.depth(), 4);
+    assert_eq!((tree.depth(), bound, tree.elements().len()), (3, 3, 5));
+    let few = solve(&system, 1).elements;
+    assert_eq!((few.len(), questions(&system, &few, &search).0.depth()), (4, 4));
+    assert!(with_one_less(&sets).iter().all(|fewer| fewest_and_shallowest(fewer, 5) != Some((4, 4, 3))));
 }
 
 #[test]

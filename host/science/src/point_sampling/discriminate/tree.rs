@@ -2,7 +2,7 @@
 //!
 //! The depth is what is asked in the worst case: fewer questions than a fixed choice has elements, or as many. A tree
 //! of least depth may need more elements in all than the smallest fixed choice, and the other way round (thesis §3.4,
-//! footnote 7).
+//! footnote 7, whose own example does not show it; `few_elements_and_shallow_questions_may_exclude_each_other` does).
 
 use std::collections::{HashMap, HashSet};
 

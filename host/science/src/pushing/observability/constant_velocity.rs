@@ -10,14 +10,29 @@
 //! turn with the contact, so no angle's sine is needed.
 //! Assumes: the contact lasts in its mode. Units: SI; scaled as [`Scales`] says. Errors: none.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, SVector};
 
 use super::Scales;
-use crate::math::twofold::{Twofold, expanded};
-use crate::math::{Arithmetic, Jet, Spectrum};
+use crate::math::twofold::{PIVOT_NONE, Twofold, expanded, pivots};
+use crate::math::{Arithmetic, Jet, Spectrum, least_seen};
 
 /// How many coefficients of u are made: orders 0 to 12.
 pub const ORDERS: usize = 13;
+
+/// So few coefficients are made of orders below: time grows with the cube.
+const FEW: usize = 7;
+
+/// A differential this much shorter than the longest is 0 but for rounding.
+const LENGTH_NONE: f64 = 1e-13;
+
+/// A foot slower than this rests, m/s: friction has no direction there, and no series.
+const FOOT_RESTS: f64 = 2e-3;
+
+/// A sliding contact that yields less than this share of what it does without turning jams (Painlevé).
+const JAMS: f64 = 0.05;
+
+/// Nearer than this share of its bound to where it may not go, a state is at the edge.
+const EDGE: f64 = 1e-3;
 
 /// A push at one instant, its finger at constant velocity.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,9 +82,16 @@ impl Told {
     }
 }
 
-/// Below this last pivot, in twofold precision, something is unseen: rounding is at 1e-30, and what shows in `f64` at all
-/// is above 1e-14.
-pub const PIVOT_NONE: f64 = 1e-22;
+/// Where a descent ended.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LeastTold {
+    /// The push at that state.
+    pub push: ConstantPush,
+    /// The least singular value there, as a share of the largest; 0 but for rounding where rank is lost.
+    pub least: f64,
+    /// Whether it is where it may not go on, so that it need not be a minimum.
+    pub at_edge: bool,
+}
 
 impl ConstantPush {
     /// How many numbers the state has: u, s, ω and, unless the contact rolls, v_T.
@@ -88,19 +110,106 @@ impl ConstantPush {
     /// What the derivatives of u up to an order below [`ORDERS`] tell of the state.
     #[must_use]
     pub fn told(&self, order: usize, scales: &Scales) -> Told {
-        let rows = self.rows::<Twofold>(order, scales);
+        let rows = self.rows::<Twofold, ORDERS>(order, scales);
         let states = self.dimension();
         let matrix = DMatrix::from_fn(rows.len().max(states), states, |row, column| {
             rows.get(row).map_or(0.0, |row| row[column].re())
         });
+        let last = |pivots: Vec<f64>| pivots[states - 1];
         Told {
             spectrum: Spectrum::of(matrix),
-            last_pivot: [last_pivot(self.rows::<f64>(order, scales), states), last_pivot(rows, states)],
+            last_pivot: [last(pivots(self.rows::<f64, ORDERS>(order, scales), states)), last(pivots(rows, states))],
+        }
+    }
+
+    /// Descends from this state to one of the same part and finger at which the derivatives of u up to an order come nearest to
+    /// losing rank, with s, ω and v_T within ±`bounds` (m, rad/s, m/s); none where the contact does not last at the start.
+    ///
+    /// Each differential counts at length 1, so that every order weighs alike, and each state in units of what it shows at
+    /// the start: rank is all that matters. On the way the contact presses, no foot rests and no sliding jams.
+    #[must_use]
+    pub fn least_told(&self, order: usize, scales: &Scales, bounds: [f64; 3]) -> Option<LeastTold> {
+        self.least_told_along(order, scales, bounds, [true; 3])
+    }
+
+    /// The same with only some of s, ω and v_T free.
+    #[must_use]
+    pub fn least_told_along(
+        &self,
+        order: usize,
+        scales: &Scales,
+        bounds: [f64; 3],
+        free: [bool; 3],
+    ) -> Option<LeastTold> {
+        let place = |x: &SVector<f64, 3>, i: usize| if free[i] { x[i] * bounds[i] } else { self.state[i] };
+        let at = |x: &SVector<f64, 3>| Self { state: [0, 1, 2].map(|i| place(x, i)), ..self.clone() };
+        let start = SVector::from([0, 1, 2].map(|i| if free[i] { self.state[i] / bounds[i] } else { 0.0 }));
+        let directions = |x: &SVector<f64, 3>| {
+            let push = at(x);
+            push.lasts().then(|| push.directions(order, scales))
+        };
+        let shown: Vec<f64> = directions(&start)?.column_iter().map(|column| column.norm()).collect();
+        let rows = |x: &SVector<f64, 3>| {
+            let mut directions = directions(x)?;
+            for (mut column, shown) in
+                directions.column_iter_mut().zip(&shown).filter(|(_, shown)| **shown > LENGTH_NONE)
+            {
+                column /= *shown;
+            }
+            Some(directions)
+        };
+        let found = least_seen(rows, start, SVector::repeat(1.0))?;
+        let push = at(&found.place);
+        // At the edge of where a contact lasts, or of the bounds.
+        let beside = |i: usize, sign: f64| {
+            let mut x = found.place;
+            x[i] += sign * EDGE;
+            free[i] && (x[i].abs() > 1.0 || !at(&x).lasts())
+        };
+        let at_edge = (0..3).any(|i| beside(i, 1.0) || beside(i, -1.0));
+        Some(LeastTold { push, least: found.least, at_edge })
+    }
+
+    /// Whether the contact lasts and the motion has a series: it presses, no foot rests and no sliding jams.
+    fn lasts(&self) -> bool {
+        self.normal_force() >= 0.0 && self.slowest_foot() > FOOT_RESTS && self.yielding() > JAMS
+    }
+
+    /// The differentials of the coefficients of u up to an order, each at length 1, in `f64`. What is 0 but for rounding beside
+    /// the longest stays 0.
+    fn directions(&self, order: usize, scales: &Scales) -> DMatrix<f64> {
+        let rows =
+            if order < FEW { self.rows::<f64, FEW>(order, scales) } else { self.rows::<f64, ORDERS>(order, scales) };
+        let length = |row: &[f64; 4]| row.iter().map(|entry| entry * entry).sum::<f64>().sqrt();
+        let longest = rows.iter().map(length).fold(0.0, f64::max);
+        let states = self.dimension();
+        DMatrix::from_fn(rows.len().max(states), states, |row, column| {
+            let shown = rows.get(row).filter(|row| length(row) > LENGTH_NONE * longest);
+            shown.map_or(0.0, |row| row[column] / length(row))
+        })
+    }
+
+    /// How fast the slowest foot goes, m/s: where one rests friction has no direction, and no series. Infinite on ice.
+    #[must_use]
+    pub fn slowest_foot(&self) -> f64 {
+        let [s, omega, v_t] = self.state;
+        let (along, normal) = (self.v_t(omega, v_t, self.finger[0]), self.finger[1] + s * omega);
+        let speed = |foot: &[f64; 3]| (along - omega * foot[0]).hypot(normal - omega * foot[1]);
+        if self.mu_g > 0.0 { self.feet.iter().map(speed).fold(f64::INFINITY, f64::min) } else { f64::INFINITY }
+    }
+
+    /// What the closing is divided by for the force: 1 and more where the contact rolls, 0 where sliding jams (Painlevé).
+    fn yielding(&self) -> f64 {
+        match self.contact {
+            ConstantContact::Rolls => 1.0,
+            ConstantContact::Slides(m) => {
+                1.0 + self.state[0] * (self.state[0] - m * self.height) / self.inertia_per_mass
+            }
         }
     }
 
     /// The differentials of the coefficients of u, scaled.
-    fn rows<A: Arithmetic>(&self, order: usize, scales: &Scales) -> Vec<[A; 4]> {
+    fn rows<A: Arithmetic, const K: usize>(&self, order: usize, scales: &Scales) -> Vec<[A; 4]> {
         let [s, omega, v_t] = self.state;
         let [finger_t, finger_n] = self.finger;
         let number = |value: f64, slopes: [f64; 4]| Jet { value: A::from(value), slopes: slopes.map(A::from) };
@@ -111,14 +220,14 @@ impl ConstantPush {
         let v_t =
             if self.contact == ConstantContact::Rolls { finger[0] + omega * Jet::from(self.height) } else { free };
         let start = [number(0.0, [1.0, 0.0, 0.0, 0.0]), s, omega, v_t, finger[0], finger[1]];
-        let path = expanded::<Jet<4, A>, 6, ORDERS>(start, |states| self.motion(states).0);
+        let path = expanded::<Jet<4, A>, 6, K>(start, |states| self.motion(states).0);
         let scaled = scales.of_states();
         let row = |k: usize| {
             // A coefficient of the k-th power of time, in units of time.
             let unit = scales.time.powi(i32::try_from(k).unwrap_or(i32::MAX));
             std::array::from_fn(|column| path[0].0[k].slopes[column] * A::from(scaled[column] * unit))
         };
-        (0..=order.min(ORDERS - 1)).map(row).collect()
+        (0..=order.min(K - 1)).map(row).collect()
     }
 
     fn v_t(&self, omega: f64, v_t: f64, finger_t: f64) -> f64 {
@@ -161,34 +270,6 @@ impl ConstantPush {
     }
 }
 
-/// Of an elimination with full pivoting, the last pivot over the first.
-fn last_pivot<A: Arithmetic>(mut rows: Vec<[A; 4]>, states: usize) -> f64 {
-    let mut columns: Vec<usize> = (0..states).collect();
-    let (mut first, mut last) = (0.0, 0.0);
-    for step in 0..states {
-        let places = (step..rows.len()).flat_map(|row| columns.iter().map(move |&column| (row, column)));
-        let size = |&(row, column): &(usize, usize)| rows[row][column].re().abs();
-        let Some((row, column)) = places.max_by(|a, b| size(a).total_cmp(&size(b))) else { return 0.0 };
-        last = size(&(row, column));
-        if step == 0 {
-            first = last;
-        }
-        if last == 0.0 {
-            return 0.0;
-        }
-        rows.swap(step, row);
-        columns.retain(|&left| left != column);
-        let pivot = rows[step];
-        for row in &mut rows[step + 1..] {
-            let factor = row[column] / pivot[column];
-            for &left in &columns {
-                row[left] = row[left] - factor * pivot[left];
-            }
-        }
-    }
-    last / first
-}
-
 #[cfg(test)]
 mod tests {
     use nalgebra::{Point2, Vector2};
@@ -196,6 +277,7 @@ mod tests {
 
     use super::*;
     use crate::geometry::SimplePolygon;
+    use crate::math::random::Draw;
     use crate::pushing::dynamics::{ContactMode, Finger, Mass, Part, PushModel, Slip, State};
 
     const SCALES: Scales = Scales { length: 0.02, time: 0.045 };
@@ -312,6 +394,47 @@ mod tests {
             assert!(here < 1e-9 * beside, "{omega}: {here:e} {beside:e}");
             assert!(told(omega, 4) > 1e-3 * beside, "{omega}: {:e} {beside:e}", told(omega, 4));
         }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
+        /// On a table three derivatives miss whole surfaces. Where a descent ends on one, more derivatives tell what those miss.
+        #[test]
+        fn where_three_derivatives_do_not_tell_on_a_table_more_do(push in pushes()) {
+            let found = push.least_told(push.dimension() - 1, &SCALES, [0.02, 2.0, 0.03]);
+            prop_assume!(found.as_ref().is_some_and(|found| found.least < 1e-9));
+            let push = found.unwrap().push;
+            let few = push.told(push.dimension() - 1, &SCALES).last_pivot[1];
+            let more = push.told(12, &SCALES).last_pivot[1];
+            prop_assert!(few < 1e-9 && more > 1e2 * few && more > PIVOT_NONE, "{few:e} {more:e} {push:?}");
+        }
+    }
+
+    /// Seeking finds what is there: on ice the surface ω = 0, beside which the contact lets go.
+    #[test]
+    fn descents_find_the_states_that_hide_their_place_on_ice() {
+        let found: Vec<_> = (0..60)
+            .filter_map(|case| {
+                let mut draw = Draw::case(1, case);
+                let push = ConstantPush {
+                    radius: draw.uniform(0.005, 0.02),
+                    height: draw.uniform(0.01, 0.03),
+                    inertia_per_mass: draw.uniform(0.01, 0.03).powi(2),
+                    mu_g: 0.0,
+                    feet: Vec::new(),
+                    contact: ConstantContact::Slides(draw.uniform(-0.4, 0.4)),
+                    state: [draw.uniform(-0.02, 0.02), draw.uniform(-2.0, 2.0), draw.uniform(-0.03, 0.03)],
+                    finger: [draw.uniform(-0.02, 0.02), -0.05],
+                };
+                push.least_told(6, &SCALES, [0.02, 2.0, 0.03])
+            })
+            .collect();
+        let lost: Vec<_> = found.iter().filter(|found| found.least < 1e-9).collect();
+        assert!(found.len() > 20 && lost.len() > found.len() / 2, "{} of {}", lost.len(), found.len());
+        // Its differentials shrink with powers of ω times the unit of time, here 0.045 s: the fourth is below what counts, 1e-13 of
+        // the longest, from some 0.0125 rad/s down, where a descent then ends. Of parts drawn over 2 rad/s.
+        assert!(lost.iter().all(|found| found.push.state[1].abs() < 0.05), "{lost:?}");
     }
 
     /// Appendix E's condition 1 fails where s² = h² + ρ²; a derivative more tells what it misses.
