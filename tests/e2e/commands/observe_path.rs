@@ -20,6 +20,12 @@ const FORCE_SD_N: f64 = 2e-3;
 /// What the path's clock is early, s.
 const EARLY_S: f64 = 7e-3;
 
+/// What a robot's clock shows when the finger's shows 0, s.
+const ROBOT_CLOCK_S: f64 = 4321.5;
+
+/// How far poses of one push differ by the rounding of its times, m and rad.
+const ROUNDED: f64 = 1e-6;
+
 /// Some hundred places a second at uneven times, from before the push to the end of its motion.
 fn places(noise: f64) -> String {
     let motion = std::fs::read_to_string(example("motion.toml")).unwrap();
@@ -65,6 +71,20 @@ fn a_push_with_measured_places_names_the_pose_and_the_clock() {
     let clock = best["clock_offset"].as_f64().unwrap();
     assert!((clock - EARLY_S).abs() < 2e-3, "{clock} s");
     assert!((answer["hypotheses"][0]["onset"].as_f64().unwrap() - REST_S).abs() < 5e-3, "{answer}");
+
+    // By the robot's own clock, which a pulse on a digital input ties to the finger's.
+    let late = std::fs::read_to_string(&path).unwrap().lines().enumerate().fold(String::new(), |table, (row, line)| {
+        let (t, rest) = line.split_once(',').unwrap();
+        let t = t.parse::<f64>().map_or_else(|_| t.to_owned(), |t| format!("{:.5}", t + ROBOT_CLOCK_S));
+        table + &if row == 0 { format!("{line}\n") } else { format!("{t},{rest}\n") }
+    });
+    let by_robot = folder.path().join("robot.csv");
+    std::fs::write(&by_robot, late).unwrap();
+    let clock = ["--path-clock-s", &ROBOT_CLOCK_S.to_string()];
+    let tied = observe(&FINGER).args(clock).arg("--json").arg(&table).arg("--path").arg(&by_robot).output().unwrap();
+    let tied: Value = serde_json::from_slice(&tied.stdout).unwrap_or_else(|_| panic!("{}", text(&tied.stderr)));
+    let tied = numbers(&tied["hypotheses"][0]["pose_end"]);
+    assert!(pose.iter().zip(&tied).all(|(one, other)| (one - other).abs() < ROUNDED), "{pose:?} {tied:?}");
 
     let picture = folder.path().join("push.svg");
     let shown = observe(&FINGER).arg(&table).arg("--path").arg(&path).arg("--plot").arg(&picture).output().unwrap();

@@ -22,7 +22,7 @@ use serde_json::{Value, json};
 use super::observed_plot::{self, Heading};
 use super::told_tables::TableArguments;
 use super::watched_push::{FeltPushArguments, not_at_rest, too_short, without_push};
-use super::{not_negative, pose, positive};
+use super::{finite, not_negative, pose, positive};
 use crate::pictures::plot::Figure;
 use crate::width::folded;
 
@@ -43,6 +43,11 @@ pub(super) struct MeasuredMotionArguments {
     #[arg(long, value_name = "MS", value_parser = not_negative, allow_negative_numbers = true)]
     #[arg(default_value_t = 10.0, requires = "path")]
     clock_offset_ms: f64,
+
+    /// What the path's clock shows when that of the forces shows 0: as a robot's pulse on a digital input tells
+    #[arg(long, value_name = "S", value_parser = finite, allow_negative_numbers = true)]
+    #[arg(default_value_t = 0.0, requires = "path")]
+    path_clock_s: f64,
 }
 
 impl MeasuredMotionArguments {
@@ -52,7 +57,8 @@ impl MeasuredMotionArguments {
     }
 
     fn read(&self, path: &Path, tables: &TableArguments) -> miette::Result<(MeasuredPath, Option<MeasuredTurn>)> {
-        let RecordedPath { times, places, angles, .. } = tables.places(path)?;
+        let RecordedPath { mut times, places, angles, .. } = tables.places(path)?;
+        times.iter_mut().for_each(|time| *time -= self.path_clock_s);
         if times.len() < PLACES_MIN {
             let help = "measure twenty places a second or more, from before the push to its end";
             return Err(miette::miette!(

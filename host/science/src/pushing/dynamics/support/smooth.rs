@@ -42,7 +42,11 @@ type Outline = dyn Fn(f64) -> (Point2<f64>, Vector2<f64>) + Send + Sync;
 
 /// A smooth closed curve, with parameters from 0 to 1, counter-clockwise.
 #[derive(Clone)]
-pub(super) struct Smooth(Arc<Outline>);
+pub(super) struct Smooth {
+    outline: Arc<Outline>,
+    /// The panels to begin with, most of which are far enough from every centre.
+    panels: Arc<[Measured]>,
+}
 
 impl fmt::Debug for Smooth {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -60,9 +64,22 @@ struct Panel {
 /// A point of the curve and `dp` for its share of a panel.
 type Bit = (Vector2<f64>, Vector2<f64>);
 
+/// A panel with its points.
+#[derive(Clone, Copy)]
+struct Measured {
+    panel: Panel,
+    bits: [Bit; 16],
+    /// Of the curve within it, m.
+    length: f64,
+    middle: Vector2<f64>,
+}
+
 impl Smooth {
     pub(super) fn new(outline: impl Fn(f64) -> (Point2<f64>, Vector2<f64>) + Send + Sync + 'static) -> Self {
-        Self(Arc::new(outline))
+        let half = 0.5 / f64::from(PANELS);
+        let panels = (0..PANELS).map(|i| Panel { middle: f64::from(2 * i + 1) * half, half });
+        let panels = panels.map(|panel| Measured::new(&outline, panel)).collect();
+        Self { outline: Arc::new(outline), panels }
     }
 
     /// An ellipse with its axes along x and y, m.
@@ -75,44 +92,42 @@ impl Smooth {
 
     /// Points and `p × dp` there.
     pub(super) fn rays(&self) -> impl Iterator<Item = (Vector2<f64>, f64)> + '_ {
-        panels().flat_map(|panel| self.bits(panel)).map(|(p, dp)| (p, p.perp(&dp)))
+        self.panels.iter().flat_map(|measured| measured.bits).map(|(p, dp)| (p, p.perp(&dp)))
     }
 
     pub(super) fn sums(&self, centre: Vector2<f64>) -> Sums {
         let mut sums = Sums::default();
-        for panel in panels() {
-            self.add_panel(&mut sums, panel, centre, DEPTH);
+        for measured in self.panels.iter() {
+            self.add_panel(&mut sums, measured, centre, DEPTH);
         }
         sums.distance /= 3.0;
         sums
     }
 
-    fn add_panel(&self, sums: &mut Sums, panel: Panel, centre: Vector2<f64>, depth: u32) {
-        let bits = self.bits(panel);
-        let length: f64 = bits.iter().map(|(_, dp)| dp.norm()).sum();
-        let nearness = ((self.0)(panel.middle).0.coords - centre).norm();
-        if depth == 0 || nearness > CLEARANCE * length {
+    fn add_panel(&self, sums: &mut Sums, measured: &Measured, centre: Vector2<f64>, depth: u32) {
+        let Measured { panel, bits, length, middle } = measured;
+        if depth == 0 || (middle - centre).norm() > CLEARANCE * length {
             bits.iter().for_each(|bit| add_bit(sums, *bit, centre));
             return;
         }
         let half = panel.half / 2.0;
         for middle in [panel.middle - half, panel.middle + half] {
-            self.add_panel(sums, Panel { middle, half }, centre, depth - 1);
+            self.add_panel(sums, &Measured::new(&*self.outline, Panel { middle, half }), centre, depth - 1);
         }
-    }
-
-    fn bits(&self, Panel { middle, half }: Panel) -> [Bit; 16] {
-        std::array::from_fn(|i| {
-            let (x, w) = NODES[i / 2];
-            let (p, derivative) = (self.0)(middle + half * if i % 2 == 0 { x } else { -x });
-            (p.coords, w * half * derivative)
-        })
     }
 }
 
-fn panels() -> impl Iterator<Item = Panel> {
-    let half = 0.5 / f64::from(PANELS);
-    (0..PANELS).map(move |i| Panel { middle: f64::from(2 * i + 1) * half, half })
+impl Measured {
+    fn new(outline: &(impl Fn(f64) -> (Point2<f64>, Vector2<f64>) + ?Sized), panel: Panel) -> Self {
+        let Panel { middle, half } = panel;
+        let bits: [Bit; 16] = std::array::from_fn(|i| {
+            let (x, w) = NODES[i / 2];
+            let (p, derivative) = outline(middle + half * if i % 2 == 0 { x } else { -x });
+            (p.coords, w * half * derivative)
+        });
+        let length = bits.iter().map(|(_, dp)| dp.norm()).sum();
+        Self { panel, bits, length, middle: outline(middle).0.coords }
+    }
 }
 
 /// Adds `r n ds`, `r (p − q)·n ds` and `n (p − q)ᵀ/r ds`.
