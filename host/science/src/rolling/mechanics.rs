@@ -405,7 +405,7 @@ impl<T: Algebraic> StateOf<T> {
     }
 
     /// Palm axes → body axes.
-    pub(super) fn to_body(&self, v: [T; 3]) -> [T; 3] {
+    pub(super) fn to_body(self, v: [T; 3]) -> [T; 3] {
         let rows = self.rotation();
         [0, 1, 2].map(|i| rows[0][i] * v[0] + rows[1][i] * v[1] + rows[2][i] * v[2])
     }
