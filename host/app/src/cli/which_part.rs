@@ -19,6 +19,7 @@ use super::read::{read_beside, tell_part};
 use super::watched_push::{MotionArgument, WatchedPush, WatchedPushArguments, Watching};
 use crate::progress::{self, Progress};
 use crate::recording::{self, Believed, Seen};
+use crate::width::folded;
 
 /// Names which of several known parts a finger has begun to push, and where it is.
 ///
@@ -86,11 +87,12 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     }
     if let Some(&(nearest, misfit)) = shortlist.left_out.first() {
         let (left_out, all) = (shortlist.left_out.len(), candidates.len());
-        say!(
+        let words = format!(
             "Left out are {left_out} of {all} parts, none of which comes near after a few steps: they misfit at least \
              {misfit:.0} times as badly as noise allows ({}).",
             candidates[nearest]
         );
+        say!("{}", folded(&words));
     }
     let Some(first) = ranked.first().filter(|first| first.probability > 0.0) else {
         say!("None of these parts explains what was felt.");
