@@ -581,7 +581,7 @@ mod tests {
         assert!((contact.friction_angle.tan() - 0.2).abs() < 1e-6);
         assert_eq!(Order::parse("  unplug "), Ok(Order::Unplug));
         assert_eq!(Order::parse("inputs 10000101"), Ok(Order::Inputs(0x85, None)));
-        assert_eq!(Order::parse("inputs 10000101 at 3600.000125"), Ok(Order::Inputs(0x85, Some(3600.000_125))));
+        assert_eq!(Order::parse("inputs 10000101 at 3600.000125"), Ok(Order::Inputs(0x85, Some(3_600.000_125))));
         assert!(Order::parse("inputs 1000010").is_err() && Order::parse("inputs 2000010x").is_err());
         assert_eq!(Order::parse("force 1 -2.5"), Ok(Order::Load(Load::Force([1.0, -2.5]))));
     }
