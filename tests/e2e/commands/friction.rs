@@ -106,8 +106,10 @@ fn a_finger_that_is_mounted_turned_names_the_pose_along_the_robots_axes() {
     assert_ne!(last_answer(&seen(&[]))["status"], "unique");
 }
 
-/// What is felt live and what is kept of it are no farther apart, in standard deviations that are stated.
-const NEAR_SD: f64 = 0.2;
+/// What is felt live and what is kept of it are no farther apart, in standard deviations that are stated: of one noise an
+/// estimate that weighs readings less differs from the best by the root of the difference of their variances (Hausman), and the
+/// calibration's uncertainty makes variances up to 1.6 times as large. The noise is another one in each run.
+const NEAR_SD: f64 = 0.6;
 
 /// The planner and the judge of several parts, live over a pseudo-terminal: what they keep says the same from its files.
 #[cfg(unix)]
