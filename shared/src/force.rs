@@ -56,6 +56,12 @@ impl ForceMatrix {
         })
     }
 
+    /// Force by a count of each bridge, row by row, in µN.
+    #[must_use]
+    pub fn un_per_count(&self) -> [[f64; 2]; 2] {
+        self.entries.map(|row| row.map(|entry| f64::from(entry) / ENTRY_UNIT as f64))
+    }
+
     /// The same with another tare, in counts.
     #[must_use]
     pub fn tared(self, tare: [f64; 2]) -> Option<Self> {

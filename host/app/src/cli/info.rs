@@ -123,9 +123,8 @@ impl About {
             row("stack", &format!("{} of {} bytes at most", health.stack_used_max, health.stack_bytes));
         }
         if let Some(matrix) = &self.matrix {
-            let un = |entry: i32| format!("{:.3}", f64::from(entry) / f64::from(1 << 19));
-            let [[xx, xy], [yx, yy]] = matrix.entries.map(|row| row.map(un));
-            row("forces", &format!("by a matrix of its own: {xx} {xy}, {yx} {yy} µN a count"));
+            let [[xx, xy], [yx, yy]] = matrix.un_per_count();
+            row("forces", &format!("by a matrix of its own: {xx:.3} {xy:.3}, {yx:.3} {yy:.3} µN a count"));
         }
         for (address, value) in &self.registers {
             let value = value.as_ref().map_or_else(ToString::to_string, |value| format!("{value:#06x}"));

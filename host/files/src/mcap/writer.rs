@@ -186,12 +186,6 @@ impl Writer {
         self.beside.extend_from_slice(record);
     }
 
-    /// Bytes of messages that are not flushed yet.
-    #[must_use]
-    pub fn waiting_bytes(&self) -> usize {
-        self.chunk.records.len() + self.beside.len()
-    }
-
     /// Writes what was added, so that the file is whole and has it, and waits for the disk. Gives the file's size.
     ///
     /// # Errors
