@@ -99,6 +99,26 @@ fn where_no_pose_fits_the_reason_is_named() {
     }
 }
 
+/// A touch outside of the gate is told with its place, how far it is off, and what would be let pass.
+#[test]
+fn a_touch_outside_of_the_gate_is_named_with_how_far_it_is_off() {
+    // On edge 0 twice, on the left and the right side; the last is 3 mm beside the right side.
+    let points = "[[20, 0], [50, 0], [3, 15], [60, 20], [63, 30]]";
+    let points = points.trim_matches(['[', ']']).split("], [");
+    let points: String = points.map(|point| format!("[[point]]\nat = [{point}]\nsigma = 0.05\n")).collect();
+    let views = format!("unit = 'mm'\n{points}[[free]]\ncentre = [30, -20]\nradius = 15\n");
+    let (_folder, output) = inscribe(&views, &["block.toml"]);
+    let said = unfolded(&printed(&output));
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    let about = said.split_once("Without point 4 a pose fits, from which it is ").map(|(_, rest)| rest);
+    let off: f64 =
+        about.and_then(|rest| rest.split_once(" mm off")).unwrap_or_else(|| panic!("{said}")).0.parse().unwrap();
+    assert!((off - 3.0).abs() < 0.2, "{said}");
+    for words in ["of its standard deviations", "all together may have", "Read it anew, or leave it out"] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+}
+
 #[test]
 fn the_part_is_named_among_several() {
     let (_folder, output) = inscribe(VIEWS, &["wedge.toml", "block.toml"]);

@@ -1,8 +1,11 @@
 //! `palpate touch` as a person uses it: on a simulated part, in this process and over lines, and what it says when it cannot.
 
-use std::io::{BufRead as _, BufReader};
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use palpate_tests::rig::peer_that_says;
 use serde_json::Value;
@@ -49,7 +52,9 @@ fn a_simulated_part_is_found_within_the_tolerance() {
     let folder = tempfile::tempdir().unwrap();
     let file = part(folder.path(), PART);
     let simulated = ["-d", "sim:3", "--robot", "sim:", "--simulated-pose", "90,70,40", "--mass-kg", "1", "--json"];
-    let output = touch(&file, &[&simulated[..], &["--area-mm", "0,0,160,160"]].concat());
+    let picture = folder.path().join("touch.svg");
+    let asked = ["--area-mm", "0,0,160,160", "--plot", picture.to_str().unwrap()];
+    let output = touch(&file, &[&simulated[..], &asked].concat());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let end = last_object(&output);
     assert_eq!(end["verdict"], "one", "{end}");
@@ -66,6 +71,13 @@ fn a_simulated_part_is_found_within_the_tolerance() {
     assert_eq!(approaches.len() as u64, end["approaches"].as_u64().unwrap() + 1);
     let touches = approaches.iter().filter(|object| object["touch"].is_object()).count();
     assert_eq!(touches as u64, end["touches"].as_u64().unwrap());
+    // And a panel in the picture.
+    let drawn = std::fs::read_to_string(&picture).unwrap();
+    for (number, approach) in (1..).zip(&approaches[..approaches.len() - 1]).skip(approaches.len().saturating_sub(13)) {
+        let met = if approach["touch"].is_null() { "nothing there" } else { "touched" };
+        assert!(drawn.contains(&format!("\"{number}: {met}; ")), "{number}: {drawn}");
+    }
+    assert!(drawn.contains("; 1 pose left\""), "{drawn}");
 }
 
 #[test]
@@ -170,15 +182,47 @@ fn what_cannot_be_begun_says_why() {
     assert!(said.contains("no part is simulated"), "{said}");
     let small = touch(&file, &["-d", "sim:1", "--robot", "sim:", "--mass-kg", "1", "--area-mm", "0,0,30,30"]);
     assert!(text(&small.stderr).contains("does not fit"), "{}", text(&small.stderr));
-    // A file of another kind.
-    let motion = folder.path().join("motion.toml");
-    std::fs::write(&motion, "unit = 'mm'\n[[segment]]\nseconds = 1\nacceleration = [1, 0]\n").unwrap();
-    let wrong = touch(&motion, &[&area[..], &["--robot", "sim:", "--mass-kg", "1"]].concat());
-    let said = text(&wrong.stderr);
-    assert!(wrong.status.code() == Some(1) && said.contains("motion file") && said.contains("part file"), "{said}");
     for wrong in [&["--area-mm", "0,0,1"][..], &["--area-mm", "0,0,0,5"], &["--force-limit", "0"]] {
         let output = touch(&file, &[&["--mass-kg", "1"], wrong].concat());
         assert_eq!(output.status.code(), Some(64), "{wrong:?}: {}", text(&output.stderr));
+    }
+}
+
+/// Each command that takes a file says which kind it got and which it wants.
+#[test]
+fn a_file_of_another_kind_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = [
+        ("part.toml", PART),
+        ("motion.toml", "unit = 'mm'\n[[segment]]\nseconds = 1\nacceleration = [1, 0]\n"),
+        ("views.toml", "unit = 'mm'\n[[fence]]\nnormal = -90\noffset = 0\n"),
+        (
+            "beams.toml",
+            "unit = 'mm'\nvelocity = [120, 0]\n[[barrier]]\nid = 1\nat = [0, 0]\ndirection = 90\nsigma = 0.05\ntime_sigma_ms = 1\n",
+        ),
+        ("scene.toml", "unit = 'mm'\n[[shape]]\nname = 'a'\nvertices = [[0, 0], [60, 0], [60, 25]]\n"),
+        ("other.json", "{\"poses\": []}"),
+    ];
+    for (name, text) in files {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
+    let touch = "--area-mm 0,0,160,160 -d sim:1 --robot sim: --mass-kg 1";
+    for (command, named, wanted) in [
+        (format!("touch --part motion.toml {touch}"), "a motion file", "a part file"),
+        (format!("touch --part views.toml {touch}"), "a view file", "a part file"),
+        (format!("touch --library . {touch}"), "beams.toml", "a part file"),
+        ("inscribe part.toml --views motion.toml".to_owned(), "a motion file", "a view file"),
+        ("inscribe part.toml --views beams.toml".to_owned(), "a file of beams", "a view file"),
+        ("inscribe part.toml --passing views.toml".to_owned(), "a view file", "a file of beams"),
+        ("inscribe scene.toml --views views.toml".to_owned(), "a scene", "a part file"),
+        ("sample part.toml".to_owned(), "a part file", "a scene"),
+        ("sample --decode scene.toml 01".to_owned(), "scene.toml", "palpate sample SCENE --json"),
+        ("sample --decode other.json 01".to_owned(), "other.json", "palpate sample SCENE --json"),
+    ] {
+        let output = palpate(&command.split(' ').collect::<Vec<_>>()).current_dir(folder.path()).output().unwrap();
+        let said = text(&output.stderr);
+        let is_named = said.contains(named) && said.contains(wanted);
+        assert!(output.status.code() == Some(1) && is_named, "`{command}`, {named}, {wanted}: {said}");
     }
 }
 
@@ -189,10 +233,106 @@ struct Terminal {
     finger: String,
 }
 
+/// Hands on what two peers say to each other, until it is told to hold back what one says.
+fn relayed(robot: &str) -> (String, Arc<AtomicBool>) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let (address, is_silent) = (format!("tcp:{}", listener.local_addr().unwrap()), Arc::new(AtomicBool::new(false)));
+    let (robot, held) = (robot.strip_prefix("tcp:").unwrap().to_owned(), is_silent.clone());
+    std::thread::spawn(move || {
+        let (host, _) = listener.accept().unwrap();
+        let robot = TcpStream::connect(robot).unwrap();
+        let hand_on = |mut from: TcpStream, mut to: TcpStream, held: Arc<AtomicBool>| {
+            std::thread::spawn(move || {
+                let mut bytes = [0; 4096];
+                while let Ok(count @ 1..) = from.read(&mut bytes) {
+                    if !held.load(Ordering::Relaxed) && to.write_all(&bytes[..count]).is_err() {
+                        return;
+                    }
+                }
+            })
+        };
+        hand_on(robot.try_clone().unwrap(), host.try_clone().unwrap(), held);
+        hand_on(host, robot, Arc::default());
+    });
+    (address, is_silent)
+}
+
+/// Lines that a search prints, until one begins so.
+fn until(lines: &mut impl Iterator<Item = std::io::Result<String>>, beginning: &str) -> String {
+    let mut said = String::new();
+    for line in lines.map_while(Result::ok) {
+        said += &format!("{line}\n");
+        if line.trim_start().starts_with(beginning) {
+            return said;
+        }
+    }
+    panic!("nothing begins with `{beginning}`: {said}");
+}
+
+/// A search by touch with a simulated robot in another program, as lines for a person.
+#[cfg(unix)]
+fn search(folder: &Path, robot: &str, finger: &str) -> Child {
+    let (calibration, file) = (calibration(folder, 6), part(folder, PART));
+    let arguments = ["touch", "--part", file.to_str().unwrap(), "-c", calibration.to_str().unwrap()];
+    let motion = ["--area-mm", "0,0,100,100", "--mass-kg", "20", "--travel-mm-s", "100"];
+    let mut command = palpate(&[&arguments[..], &motion, &["-d", finger, "--robot", robot]].concat());
+    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+#[test]
+#[cfg(unix)]
+fn a_robot_that_is_lost_in_the_midst_is_told_with_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let lies =
+        ["--pose", "40,20,30", "--mass-kg", "20", "--start-mm=-30,-30", "--seed", "6", "--listen", "tcp:127.0.0.1:0"];
+    let there = Terminal::simulate_robot(&lies);
+    let (address, is_silent) = relayed(&there.robot);
+    let mut touch = search(folder.path(), &address, &there.finger);
+    let mut lines = BufReader::new(touch.stdout.take().unwrap()).lines();
+    until(&mut lines, "approach 2");
+    is_silent.store(true, Ordering::Relaxed);
+    let output = touch.wait_with_output().unwrap();
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    for words in [&address[..], "has told no place for 500 ms", "is the robot's program running?"] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn a_part_that_is_moved_meanwhile_is_told_with_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let lies = ["--pose", "40,20,30", "--mass-kg", "20", "--start-mm=-30,-30", "--seed", "6"];
+    let mut there = Terminal::simulate_robot(&lies);
+    let mut touch = search(folder.path(), &there.robot, &there.finger);
+    let mut lines = BufReader::new(touch.stdout.take().unwrap()).lines();
+    // Its pose is all but known by then.
+    (0..2).for_each(|_| drop(until(&mut lines, "touched")));
+    until(&mut lines, "approach");
+    there.child.stdin.as_mut().unwrap().write_all(b"part 48,12,38\n").unwrap();
+    let printed: String = lines.map_while(Result::ok).map(|line| line + "\n").collect();
+    let output = touch.wait_with_output().unwrap();
+    let said = format!("{} {}", text(printed.as_bytes()), text(&output.stderr));
+    let is_early = output.status.code() == Some(1)
+        && said.contains("mm before any pose that is left: the part was moved")
+        && said.contains("hold the part");
+    let is_none = output.status.code() == Some(2)
+        && said.contains("No pose of this part fits what was felt")
+        && said.contains("it was moved")
+        && said.contains("Hold it still");
+    assert!(is_early || is_none, "{:?}: {said}", output.status);
+}
+
 impl Terminal {
     fn simulate_robot(arguments: &[&str]) -> Self {
-        let mut child =
-            palpate(&["simulate-robot"]).args(arguments).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        let mut child = palpate(&["simulate-robot"])
+            .args(arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
         let [robot, finger] = [lines.next().unwrap(), lines.next().unwrap()];
         Self { child, robot, finger }

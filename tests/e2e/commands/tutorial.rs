@@ -3,18 +3,20 @@
 //! A block marked `sh` has commands, one a line. A block marked `text` behind it quotes lines of what they print; spaces
 //! between words do not count. A picture in `pictures` is what a command of its page draws.
 
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::fs::File;
+use std::path::Path;
+use std::process::{Command, Stdio};
 
 use palpate_tests::project;
 
 use crate::PALPATE;
 
 /// Pages by chapter.
-const PAGES: [&str; 7] = [
+const PAGES: [&str; 8] = [
     "README.md",
     "inscription.md",
     "point-sampling.md",
+    "touching.md",
     "observability.md",
     "pushing.md",
     "observers.md",
@@ -47,54 +49,73 @@ fn words(line: &str) -> String {
     line.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// What a command prints. Pictures go where nobody keeps them.
-fn printed(command: &str) -> String {
-    let folder: PathBuf = std::env::temp_dir().join(format!("palpate-tutorial-{}", std::process::id()));
-    let text = run(command, &folder);
-    let _ = std::fs::remove_dir_all(&folder);
-    text
-}
-
-/// What a command prints that draws into a folder.
+/// What a command prints. DIR is the page's folder; `> FILE` keeps what is printed there, `< FILE` is read.
 fn run(command: &str, folder: &Path) -> String {
     let told = command.strip_prefix("palpate ").unwrap_or_else(|| panic!("`{command}` is no command of ours"));
-    let arguments =
-        told.split(' ').map(|word| if word == "DIR" { folder.display().to_string() } else { word.to_owned() });
+    let mut words: Vec<_> = told.split(' ').map(|word| word.replace("DIR", &folder.display().to_string())).collect();
+    let mut behind = |mark: &str| {
+        let place = words.iter().position(|word| word == mark)?;
+        words.drain(place..place + 2).next_back()
+    };
+    let (kept, read) = (behind(">"), behind("<"));
+    let input = read.map_or_else(Stdio::null, |file| {
+        File::open(project::folder().join(&file)).unwrap_or_else(|error| panic!("{file}: {error}")).into()
+    });
     let output = Command::new(PALPATE)
-        .args(arguments)
+        .args(&words)
         .current_dir(project::folder())
         .env_remove("PALPATE_DEVICE")
         .env_remove("PALPATE_CALIBRATION")
+        .stdin(input)
         .output()
         .unwrap();
     assert!(output.status.success(), "`{command}`: {}", String::from_utf8_lossy(&output.stderr));
+    if let Some(file) = kept {
+        std::fs::write(file, &output.stdout).unwrap();
+    }
     String::from_utf8(output.stdout).unwrap()
 }
 
-#[test]
-fn every_command_of_the_tutorial_prints_what_its_page_quotes() {
-    let (mut commands, mut quoted) = (0, 0);
-    for page in PAGES {
-        let text = std::fs::read_to_string(project::folder().join("docs/tutorial").join(page)).unwrap();
-        let mut last = String::new();
-        for block in blocks(&text) {
-            match block.mark.as_str() {
-                "sh" => {
-                    last = block.lines.iter().map(|command| printed(command)).collect::<Vec<_>>().join("\n");
-                    commands += block.lines.len();
-                }
-                "text" => {
-                    let lines: Vec<_> = last.lines().map(words).collect();
-                    for line in block.lines.iter().map(|line| words(line)).filter(|line| !line.is_empty()) {
-                        assert!(lines.contains(&line), "{page} quotes `{line}`; printed:\n{last}");
-                        quoted += 1;
-                    }
-                }
-                mark => panic!("{page}: a block marked `{mark}` is neither `sh` nor `text`"),
+/// Runs every command of a page, and holds what they print against what it quotes and what they draw against its
+/// pictures: so many commands, lines and pictures.
+fn follow(page: &str) -> [usize; 3] {
+    let pages = project::folder().join("docs/tutorial");
+    let text = std::fs::read_to_string(pages.join(page)).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let (mut last, mut counts) = (String::new(), [0; 3]);
+    for block in blocks(&text) {
+        match block.mark.as_str() {
+            "sh" => {
+                last = block.lines.iter().map(|line| run(line, folder.path())).collect::<Vec<_>>().join("\n");
+                counts[0] += block.lines.len();
             }
+            "text" => {
+                let lines: Vec<_> = last.lines().map(words).collect();
+                for line in block.lines.iter().map(|line| words(line)).filter(|line| !line.is_empty()) {
+                    assert!(lines.contains(&line), "{page} quotes `{line}`; printed:\n{last}");
+                    counts[1] += 1;
+                }
+            }
+            mark => panic!("{page}: a block marked `{mark}` is neither `sh` nor `text`"),
         }
     }
-    assert!(commands >= 15 && quoted >= 9, "{commands} commands, {quoted} lines quoted");
+    for file in text.split("](pictures/").skip(1).filter_map(|rest| rest.split_once(')')).map(|(file, _)| file) {
+        let drawn = std::fs::read_to_string(folder.path().join(file));
+        let drawn = drawn.unwrap_or_else(|error| panic!("{page}: no command draws {file}: {error}"));
+        let kept = std::fs::read_to_string(pages.join("pictures").join(file)).unwrap();
+        assert!(drawn_alike(&kept, &drawn), "{page} draws another {file}: keep that one");
+        counts[2] += 1;
+    }
+    counts
+}
+
+#[test]
+fn every_command_of_the_tutorial_prints_and_draws_what_its_page_shows() {
+    let counts = PAGES.map(follow);
+    let [commands, quoted, pictures] = [0, 1, 2].map(|kind| counts.iter().map(|counts| counts[kind]).sum::<usize>());
+    assert!(commands >= 20 && quoted >= 12, "{commands} commands, {quoted} lines quoted");
+    let kept = std::fs::read_dir(project::folder().join("docs/tutorial/pictures")).unwrap().count();
+    assert!(pictures == kept && pictures >= 10, "{pictures} of {kept} pictures are shown");
 }
 
 /// Whether two drawings are one but for rounding: numbers to a fifth of a page unit, all else to the letter.
@@ -115,29 +136,6 @@ fn drawn_alike(a: &str, b: &str) -> bool {
         |a: &str, b: &str| a.parse::<f64>().ok().zip(b.parse::<f64>().ok()).is_some_and(|(a, b)| (a - b).abs() <= 0.2);
     a.len() == b.len()
         && a.iter().zip(&b).all(|((kind, a), (other, b))| kind == other && (a == b || *kind && near(a, b)))
-}
-
-#[test]
-fn every_picture_of_the_tutorial_is_what_a_command_of_its_page_draws() {
-    let mut compared = 0;
-    let pages = project::folder().join("docs/tutorial");
-    for page in PAGES {
-        let text = std::fs::read_to_string(pages.join(page)).unwrap();
-        for name in text.split("](pictures/").skip(1).filter_map(|rest| rest.split_once(".svg)")).map(|(name, _)| name)
-        {
-            let command = text.lines().find(|line| line.starts_with(&format!("palpate tables {name} ")));
-            let command = command.unwrap_or_else(|| panic!("{page}: no command draws {name}"));
-            let folder = tempfile::tempdir().unwrap();
-            run(command, folder.path());
-            let file = format!("{name}.svg");
-            let drawn = std::fs::read_to_string(folder.path().join(&file)).unwrap();
-            let kept = std::fs::read_to_string(pages.join("pictures").join(&file)).unwrap();
-            assert!(drawn_alike(&kept, &drawn), "{page}: `{command}` draws another {file}: keep that one");
-            compared += 1;
-        }
-    }
-    let kept = std::fs::read_dir(pages.join("pictures")).unwrap().count();
-    assert!(compared == kept && compared >= 6, "{compared} of {kept} pictures are shown");
 }
 
 #[test]

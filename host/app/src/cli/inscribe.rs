@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use miette::IntoDiagnostic as _;
-use palpate::geometry::{ConvexPolygon, SimplePolygon};
+use palpate::geometry::{ConvexPolygon, SimplePolygon, distance_to_segment};
 use palpate::inscription::{
     Continuum, Inscription, InscriptionEstimate, Outline, PlannedView, Pose, PoseMode, TouchReadings, estimate,
     plan_view, touched_poses,
@@ -19,7 +19,7 @@ use serde_json::{Value, json};
 use super::device::DeviceArguments;
 use super::passing;
 use super::plot::PlotArguments;
-use super::read::{read, read_beside};
+use super::read::{VIEWS, read, read_beside, read_kind};
 use super::sample::{PlanArguments, Planned, print_plan};
 use super::{counted, positive, turn_deg};
 use crate::pictures::inscription::{InscribePicture, Shown};
@@ -73,7 +73,8 @@ Parts that are carried past light barriers and turning beams are placed as they 
   phase = 0               # its angle at the time 0
   turns_per_second = 20   # counter-clockwise
 Their changes come as lines `T ID 0|1` on standard input (s, 1 covered), or, with -d, from the inputs of a board. Two
-barriers of different directions are four lines. `palpate simulate-passing` makes such lines.
+barriers of different directions are four lines. `palpate simulate-passing` makes such lines. --plot draws a panel for each part
+once nobody tells more.
 
 With several part files it also says which part it is. Two views nearly always leave one pose of a part if they
 are exact; with errors a third view is often needed, and the command says where to take it.
@@ -98,7 +99,7 @@ pub(crate) struct Arguments {
     views: Option<PathBuf>,
     /// Place parts as they are carried past the light barriers and turning beams of this file: as lines on standard input
     /// tell their changes, or a board's inputs with -d
-    #[arg(long, value_name = "BEAMS.toml", conflicts_with_all = ["views", "resolve", "next_view_mm", "plot"])]
+    #[arg(long, value_name = "BEAMS.toml", conflicts_with_all = ["views", "resolve", "next_view_mm"])]
     passing: Option<PathBuf>,
     /// Take the convex hull of parts with notches: sensors cannot see into them
     #[arg(long)]
@@ -147,8 +148,11 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         return arguments.follow(passing);
     }
     let Some(views) = &arguments.views else { return Err(miette::miette!("there is no view file")) };
-    let (views, radians) =
-        read(views, |text| Views::parse(text).map(|views| (views, Views::parse_radians(text).ok())))?;
+    let (views, radians) = read_kind(
+        views,
+        |_| &[VIEWS],
+        |text| Views::parse(text).map(|views| (views, Views::parse_radians(text).ok())),
+    )?;
     let names = names(&arguments.parts);
     let parts = arguments.parts.iter().zip(&names).map(|(path, name)| {
         let part = read_beside(path, |text, open| {
@@ -192,6 +196,14 @@ fn names(paths: &[PathBuf]) -> Vec<String> {
     let name =
         |(path, name): (&PathBuf, &String)| if is_taken(name) { path.display().to_string() } else { name.clone() };
     paths.iter().zip(&stems).map(name).collect()
+}
+
+impl Found {
+    /// The poses with the part that has them.
+    pub(super) fn placed(&self) -> Vec<(NamedPart, Pose)> {
+        let poses = self.outcome.as_ref().map_or_else(|_| Vec::new(), Fits::poses);
+        poses.into_iter().map(|pose| (self.part.clone(), pose)).collect()
+    }
 }
 
 pub(super) fn find(part: NamedPart, views: &Views) -> Found {
@@ -273,12 +285,37 @@ fn why_none(found: &[Found], views: &Views, radians: Option<&Views>) -> Vec<Stri
         )];
     }
     let alone = views.each_left_out().into_iter().filter(|(_, left)| fits(left));
-    let alone: Vec<_> = alone.map(|(name, _)| format!("Without {name} a pose fits: was it read well?")).collect();
+    let told = |(name, left): (String, Views)| {
+        let far = far_off(found, views, &name, &left).map_or(String::new(), |far| format!(", {far}"));
+        format!("Without {name} a pose fits{far}: was it read well? Read it anew, or leave it out.")
+    };
+    let alone: Vec<_> = alone.map(told).collect();
     if alone.is_empty() {
         let asked = "Is it this part, does it lie on the face that the file shows, was each view read well?";
         return vec![format!("No single view is to blame, nor a unit. {asked}")];
     }
     alone
+}
+
+/// How far outside of the gate a point is that is left out, from the pose that fits all else best.
+fn far_off(found: &[Found], views: &Views, name: &str, left: &Views) -> Option<String> {
+    let index: usize = name.strip_prefix("point ")?.parse().ok()?;
+    let touch = views.felt.as_ref()?.touches.get(index)?;
+    let fits = found.iter().filter_map(|found| match (outcome(&found.part, left), &found.outcome) {
+        (Ok(Fits::Noisy(without)), Ok(Fits::Noisy(all))) => Some((found, without.modes.into_iter().next()?, all.gate)),
+        _ => None,
+    });
+    let (best, mode, gate) = fits.min_by(|a, b| a.1.chi2.total_cmp(&b.1.chi2))?;
+    let point = nalgebra::Isometry2::new([mode.pose.x, mode.pose.y].into(), mode.pose.theta).inverse() * touch.point;
+    let corners = best.part.outline.vertices();
+    let edges = corners.iter().zip(corners.iter().cycle().skip(1));
+    let off = edges.map(|(from, to)| distance_to_segment(point, *from, *to)).fold(f64::INFINITY, f64::min);
+    let share = off / touch.sigma;
+    Some(format!(
+        "from which it is {:.3} mm off, {share:.1} of its standard deviations (χ² of {:.0}, and all together may have {gate:.1})",
+        off * 1e3,
+        share * share
+    ))
 }
 
 /// Points that tell the poses that fit apart, with the poses' names; none for fewer than two (thesis §2.3, last
@@ -318,7 +355,7 @@ impl Arguments {
             }
         });
         let parts = parts.collect::<miette::Result<Vec<_>>>()?;
-        passing::follow(&parts, &file, &self.device, self.json)
+        passing::follow(&parts, &file, &self.device, self.json, &self.plot)
     }
 
     /// The next view of the part that fits best; with exact readings there is nothing to gain.
@@ -352,7 +389,8 @@ impl Arguments {
         let names: Vec<_> = found.iter().map(|found| found.part.name.as_str()).collect();
         let title = format!("{} from {}", names.join(", "), in_words(views));
         let subtitles: Vec<_> = found.iter().map(in_a_line).collect();
-        InscribePicture { views, poses: &all, next, points, title: &title, subtitles: &subtitles }.figure()
+        InscribePicture { views, poses: &all, next, points, fences: "fence", title: &title, subtitles: &subtitles }
+            .figure()
     }
 }
 

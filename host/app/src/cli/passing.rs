@@ -8,9 +8,12 @@ use palpate_files::passing::PassingFile;
 use palpate_files::views::{NamedPart, Views};
 use serde_json::json;
 
+use super::counted;
 use super::device::DeviceArguments;
-use super::inscribe::{find, json as found_json, tell as tell_found};
+use super::inscribe::{Found, find, json as found_json, tell as tell_found};
+use super::plot::PlotArguments;
 use super::switches::{Heard, listen};
+use crate::pictures::inscription::{Passed, passed};
 use crate::width::folded;
 
 /// Places parts as they go by, until nobody tells more.
@@ -19,6 +22,7 @@ pub(super) fn follow(
     file: &PassingFile,
     device: &DeviceArguments,
     is_json: bool,
+    plot: &PlotArguments,
 ) -> miette::Result<ExitCode> {
     let mut line = Line {
         parts,
@@ -28,12 +32,21 @@ pub(super) fn follow(
         last: f64::NEG_INFINITY,
         is_behind: false,
         passed: 0,
+        drawn: plot.is_asked().then(Vec::new),
     };
     let count = file.ids.iter().copied().max().unwrap_or_default();
     let is_all = listen(device, count, |heard| line.hear(heard))?;
     if line.passed == 0 {
         note!("no part has gone by all barriers");
     }
+    let drawn = line.drawn.unwrap_or_default();
+    plot.draw(|| {
+        let names: Vec<_> = parts.iter().map(|part| part.name.as_str()).collect();
+        let title = format!("{} carried past beams", names.join(", "));
+        let [vx, vy] = [file.velocity.x, file.velocity.y].map(|speed| speed * 1e3);
+        let when = format!("each where it was as the last barrier was free again, carried by ({vx:.1}, {vy:.1}) mm/s");
+        Ok(passed(&title, &[when], &drawn))
+    })?;
     Ok(if is_all { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
@@ -49,6 +62,8 @@ struct Line<'a> {
     is_behind: bool,
     /// Parts so far.
     passed: usize,
+    /// Those that a picture shows, where one is asked for.
+    drawn: Option<Vec<Passed>>,
 }
 
 impl Line<'_> {
@@ -84,7 +99,12 @@ impl Line<'_> {
         }
         let views = Views {
             cones: Vec::new(),
-            readings: NoisyReadings { bearings: Vec::new(), fences: Vec::new(), sigma: 0.0 },
+            // What is felt is used; these are for pictures.
+            readings: NoisyReadings {
+                bearings: readings.bearings.clone(),
+                fences: readings.fences.iter().map(|fence| fence.line).collect(),
+                sigma: readings.bearing_sigma,
+            },
             points: Vec::new(),
             noisy: true,
             felt: Some(readings),
@@ -104,6 +124,11 @@ impl Line<'_> {
             );
             say!("{}", folded(&gone));
             tell_found(&found, &views, None);
+        }
+        if let Some(drawn) = &mut self.drawn {
+            let poses: Vec<_> = found.iter().flat_map(Found::placed).collect();
+            let words = format!("{}: {:.3} s, {}", self.passed, passage.end, counted(poses.len(), "pose"));
+            drawn.push(Passed { views, poses, words });
         }
     }
 }

@@ -15,6 +15,7 @@ use palpate_files::lines::{Line, Lines, TEXT_BYTES_MAX, Unusable};
 use palpate_files::motion::MotionFileError;
 use palpate_files::palm::PalmFileError;
 use palpate_files::part::{Doubt, PartFileError};
+use palpate_files::passing::PassingFileError;
 use palpate_files::scene::SceneFileError;
 use palpate_files::shapes::Opener;
 use palpate_files::views::ViewFileError;
@@ -36,6 +37,18 @@ pub(super) fn report_problems(path: &Path, problems: &[impl Display]) {
 
 /// Reads a file and understands it; what goes wrong is told with the file's name.
 pub(super) fn read<T, E>(path: &Path, parse: impl FnOnce(&str) -> Result<T, E>) -> miette::Result<T>
+where
+    E: Error + Send + Sync + 'static,
+{
+    read_kind(path, wanted, parse)
+}
+
+/// The same of a kind of file whose errors are those of other kinds, too.
+pub(super) fn read_kind<T, E>(
+    path: &Path,
+    wanted: impl Fn(&E) -> &'static [&'static str],
+    parse: impl FnOnce(&str) -> Result<T, E>,
+) -> miette::Result<T>
 where
     E: Error + Send + Sync + 'static,
 {
@@ -112,6 +125,7 @@ fn kind_of(text: &str) -> Option<&'static str> {
         () if has(&["segment"]) => Some(MOTION),
         () if has(&["harmonic", "piece"]) => Some(PALM),
         () if has(&["cone", "fence", "point"]) => Some(VIEWS),
+        () if has(&["barrier", "beam"]) => Some(BEAMS),
         () if keys.get("shape").is_some_and(toml::Value::is_array) => Some(SCENE),
         () if has(&["shape", "semi_axes"]) => Some(BODY),
         () if has(&["vertices", "ellipse", "outline"]) => Some(PART),
@@ -132,7 +146,8 @@ fn role(kind: &'static str) -> &'static str {
 
 const MOTION: &str = "a motion file";
 const PALM: &str = "a palm's motion";
-const VIEWS: &str = "a view file";
+pub(super) const VIEWS: &str = "a view file";
+const BEAMS: &str = "a file of beams";
 const SCENE: &str = "a scene";
 const BODY: &str = "a body file";
 const PART: &str = "a part file";
@@ -146,6 +161,7 @@ fn wanted<E: Error + 'static>(error: &E) -> &'static [&'static str] {
         () if error.is::<BodyFileError>() => &[BODY],
         () if error.is::<PalmFileError>() => &[PALM],
         () if error.is::<SceneFileError>() => &[SCENE],
+        () if error.is::<PassingFileError>() => &[BEAMS],
         // The same error is told of both.
         () if error.is::<ViewFileError>() => &[PART, VIEWS],
         () => &[],

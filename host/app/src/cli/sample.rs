@@ -6,9 +6,10 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use miette::{IntoDiagnostic as _, WrapErr as _, miette};
+use nalgebra::Point2;
 use palpate::geometry::SimplePolygon;
 use palpate::point_sampling::{
-    Choice, Effort, Objective, Plan, Question, Request, Scene, Search, SetSystem, fewest, questions,
+    Choice, Circle, Effort, Objective, Plan, Question, Request, Scene, Search, SetSystem, fewest, questions,
 };
 use palpate_files::sampling_plan::{PlanFile, in_words};
 use palpate_files::scene::SceneFile;
@@ -16,10 +17,10 @@ use palpate_files::solve::kinds::point_sampling::PointSampling;
 
 use super::device::DeviceArguments;
 use super::plot::PlotArguments;
-use super::read::{open_beside, read_text};
-use super::sample_live::{LiveDecoding, decode, decoded_as_json};
+use super::read::{read_beside, read_text};
+use super::sample_live::{LiveDecoding, decode, decoded_as_json, picture_of};
 use super::{counted, not_negative, positive};
-use crate::pictures::point_sampling::SamplingPicture;
+use crate::pictures::point_sampling::{Answered, SamplingPicture, answered};
 
 /// Longest time to search, s.
 const TIME_LIMIT_MAX_S: f64 = 1e6;
@@ -46,6 +47,7 @@ Without readings they are taken as they come, and each part is named once nothin
 `T ID 0|1` on standard input, a time in seconds, the point's number and its reading; or, with -d, the digital inputs
 of a board, input 0 being point 1. `#` begins a comment. With --correct 1 a point may be stuck, and is named.
   controller | palpate sample --decode plan.json
+  palpate sample --decode plan.json 0110 --outlines scene.toml --plot read.svg
   palpate sample --decode plan.json -d /dev/ttyACM0 --json
 
 Exit status: 0, 1 if a file or a line cannot be used or shapes cannot be told apart, 64 wrong command line.";
@@ -62,11 +64,14 @@ pub(crate) struct Arguments {
     scene: Option<PathBuf>,
     /// Tell which shape or pose it is from a plan and what its points read: 1 covered, 0 free, ? unreadable; without
     /// readings as they come
-    #[arg(long, value_names = ["PLAN.json", "READINGS"], num_args = 1..=2, conflicts_with_all = ["scene", "sets", "plot", "tree", "trade_off", "min_clearance_mm", "min_area_mm2", "notice", "greedy", "time_limit_s"])]
+    #[arg(long, value_names = ["PLAN.json", "READINGS"], num_args = 1..=2, conflicts_with_all = ["scene", "sets", "tree", "trade_off", "min_clearance_mm", "min_area_mm2", "notice", "greedy", "time_limit_s"])]
     decode: Vec<String>,
     /// Readings count once none has changed for so long: contacts bounce
     #[arg(long, value_name = "MS", requires = "decode", value_parser = not_negative, allow_negative_numbers = true, default_value_t = 20.0)]
     debounce_ms: f64,
+    /// With --decode and --plot: the scene that the plan is of, whose outlines are drawn
+    #[arg(long, value_name = "SCENE", requires = "decode", requires = "plot")]
+    outlines: Option<PathBuf>,
     /// Find the fewest elements that tell the sets in a file apart
     #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "plot", "trade_off", "min_clearance_mm", "min_area_mm2"])]
     sets: Option<PathBuf>,
@@ -218,12 +223,11 @@ pub(crate) fn status(plan: &Plan) -> ExitCode {
 }
 
 fn read_scene(path: &Path) -> miette::Result<SceneFile> {
-    let cannot = || format!("cannot use the scene {}", path.display());
-    let text = read_text(path).wrap_err_with(cannot)?;
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json")) {
-        return from_problem(&text).wrap_err_with(cannot);
+        let cannot = || format!("cannot use the scene {}", path.display());
+        return from_problem(&read_text(path).wrap_err_with(cannot)?).wrap_err_with(cannot);
     }
-    SceneFile::parse_beside(&text, &|name| open_beside(path, name)).into_diagnostic().wrap_err_with(cannot)
+    read_beside(path, SceneFile::parse_beside)
 }
 
 /// A problem of `palpate solve`: only its polygons count here.
@@ -339,21 +343,65 @@ fn print_question(question: &Question, indent: &str, ask: &dyn Fn(usize) -> Stri
 fn read_plan(path: &Path) -> miette::Result<PlanFile> {
     let cannot = || format!("cannot use the plan {}", path.display());
     let text = read_text(path).wrap_err_with(cannot)?;
-    let mut value: serde_json::Value = serde_json::from_str(&text).into_diagnostic().wrap_err_with(cannot)?;
+    let mut value: serde_json::Value = serde_json::from_str(&text).map_err(no_plan).wrap_err_with(cannot)?;
     // What `palpate inscribe --resolve` prints has its plan inside.
     let value = value.get_mut("resolve").map(serde_json::Value::take).unwrap_or(value);
-    serde_json::from_value(value).into_diagnostic().wrap_err_with(cannot)
+    serde_json::from_value(value).map_err(no_plan).wrap_err_with(cannot)
+}
+
+/// A file of another kind.
+fn no_plan(error: serde_json::Error) -> miette::Report {
+    miette!(help = "a plan is what `palpate sample SCENE --json` prints", "it is no plan of points: {error}")
 }
 
 impl Arguments {
+    /// The outlines behind what is read, where a picture is asked for.
+    fn outlines(&self, plan: &PlanFile) -> miette::Result<Vec<SimplePolygon>> {
+        let path = match &self.outlines {
+            Some(path) => path,
+            None if self.plot.is_asked() => {
+                let help = "tell --outlines SCENE, the scene that the plan is of";
+                return Err(miette!(help = help, "a plan has no outlines to draw"));
+            }
+            None => return Ok(Vec::new()),
+        };
+        let file = read_scene(path)?;
+        let signatures = &plan.answer.signatures;
+        if file.polygons.len() != signatures.len() {
+            return Err(miette!(
+                help = "name the scene that the plan is of, as it was then",
+                "{} has {}, and the plan tells {} apart",
+                path.display(),
+                counted(file.polygons.len(), "outline"),
+                signatures.len()
+            ));
+        }
+        Ok(file.polygons)
+    }
+
+    /// Draws what points read.
+    fn draw_answers(&self, plan: &PlanFile, polygons: &[SimplePolygon], answers: &[Answered]) -> miette::Result<()> {
+        self.plot.draw(|| {
+            let places = plan.answer.points.iter().zip(&plan.answer.clearances);
+            let points: Vec<_> =
+                places.map(|(place, radius)| Circle { centre: Point2::from(*place), radius: *radius }).collect();
+            let title = format!("What {} read", counted(points.len(), "point"));
+            Ok(answered(&title, &[], polygons, &points, answers))
+        })
+    }
+
     /// Decodes readings, or what comes.
     fn decode(&self, path: &Path, readings: Option<&str>) -> miette::Result<ExitCode> {
         self.device.begin_recording()?;
         let plan = read_plan(path)?;
+        let polygons = self.outlines(&plan)?;
         let correct = usize::from(self.plan.correct);
         let Some(readings) = readings else {
             let live = LiveDecoding { debounce: self.debounce_ms * 1e-3, correct, json: self.json };
-            return decode(&plan, &self.device, live);
+            let mut answers = self.plot.is_asked().then(Vec::new);
+            let status = decode(&plan, &self.device, live, answers.as_mut())?;
+            self.draw_answers(&plan, &polygons, &answers.unwrap_or_default())?;
+            return Ok(status);
         };
         let decoded = plan.decode(readings).into_diagnostic()?;
         if self.json {
@@ -361,6 +409,7 @@ impl Arguments {
         } else {
             say!("{}", in_words(&plan, &decoded));
         }
+        self.draw_answers(&plan, &polygons, &[picture_of(&plan, readings, &decoded, None)])?;
         Ok(ExitCode::SUCCESS)
     }
 }

@@ -2,13 +2,15 @@
 
 use std::process::ExitCode;
 
-use palpate::point_sampling::Decoded;
+use palpate::point_sampling::{Decoded, PointReading};
 use palpate_files::bits::{Settled, Settling};
 use palpate_files::sampling_plan::{PlanFile, in_words};
 use serde_json::{Value, json};
 
+use super::counted;
 use super::device::DeviceArguments;
 use super::switches::{Heard, listen};
+use crate::pictures::point_sampling::Answered;
 
 /// Answers in a row that a point contradicts before it is said to be stuck.
 const STUCK_ANSWERS: usize = 3;
@@ -24,10 +26,15 @@ pub(super) struct LiveDecoding {
 }
 
 /// Readings of standard input or a board's inputs, to their end.
-pub(super) fn decode(plan: &PlanFile, device: &DeviceArguments, live: LiveDecoding) -> miette::Result<ExitCode> {
+pub(super) fn decode(
+    plan: &PlanFile,
+    device: &DeviceArguments,
+    live: LiveDecoding,
+    drawn: Option<&mut Vec<Answered>>,
+) -> miette::Result<ExitCode> {
     let points = plan.answer.points.len();
     let mut settling = Settling::new(points, live.debounce);
-    let mut told = Told { plan, live, contradicted: vec![0; points] };
+    let mut told = Told { plan, live, contradicted: vec![0; points], drawn };
     let is_all = listen(device, points, |heard| {
         let settled = match heard {
             Heard::Change(change) => settling.take(&change).map_err(|error| error.to_string())?,
@@ -46,6 +53,8 @@ struct Told<'a> {
     live: LiveDecoding,
     /// How many answers in a row each point contradicted.
     contradicted: Vec<usize>,
+    /// For a picture, where one is asked for.
+    drawn: Option<&'a mut Vec<Answered>>,
 }
 
 impl Told<'_> {
@@ -62,6 +71,9 @@ impl Told<'_> {
             say!("{t:.3} s  {readings}  {}", in_words(self.plan, &decoded));
         } else {
             say!("{t:.3} s  {readings}  nothing that is known: {}", in_words(self.plan, &decoded));
+        }
+        if let Some(drawn) = &mut self.drawn {
+            drawn.push(picture_of(self.plan, readings, &decoded, Some(*t)));
         }
         if !is_one {
             return;
@@ -83,6 +95,26 @@ fn misread(decoded: &Decoded) -> &[usize] {
 /// Whether it is one, with so many misread points at most.
 fn is_certain(decoded: &Decoded, correct: usize) -> bool {
     decoded.nearest.len() == 1 && misread(decoded).len() <= correct
+}
+
+/// What readings say, for a picture; with when they settled, s.
+pub(super) fn picture_of(plan: &PlanFile, readings: &str, decoded: &Decoded, t: Option<f64>) -> Answered {
+    let reading = |character: char| match PointReading::from_char(character)? {
+        PointReading::Covered => Some(Some(true)),
+        PointReading::Free => Some(Some(false)),
+        PointReading::Unreadable => Some(None),
+    };
+    let name = match decoded.nearest.as_slice() {
+        [one] => plan.name(*one),
+        several => counted(several.len(), "outline"),
+    };
+    let when = t.map_or(String::new(), |t| format!("{t:.3} s: "));
+    Answered {
+        readings: readings.chars().filter_map(reading).collect(),
+        nearest: decoded.nearest.clone(),
+        misread: misread(decoded).to_vec(),
+        words: format!("{when}{name}"),
+    }
 }
 
 /// What readings say, for a program: the name is null where it is not certain with so many misread points at most.

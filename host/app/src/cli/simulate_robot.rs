@@ -6,10 +6,12 @@ use std::time::Duration;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use nalgebra::Point2;
+use palpate::geometry::Pose;
 use palpate_device::simulated::robot::{RobotConfig, SimulatedRobot};
 use palpate_device::simulated::{Config, Line, SimulatedDevice};
 
-use super::touch_world::WorldArguments;
+use super::simulate_device::lines_of_input;
+use super::touch_world::{WorldArguments, pose_mm};
 use super::{not_negative, positive};
 use crate::advice::Advise as _;
 use crate::live::interrupt;
@@ -18,7 +20,8 @@ use crate::live::interrupt;
 ///
 /// Prints the path of the robot's line (docs/ROBOT.md), then that of the finger's, and runs until interrupted: for
 /// `palpate touch -d FINGER --robot ROBOT`. The finger is that of `sim:SEED` with the same seed, so that
-/// `palpate calibrate -d sim:SEED` calibrates it. The part yields to what friction does not hold.
+/// `palpate calibrate -d sim:SEED` calibrates it. The part yields to what friction does not hold. A line `part X,Y,DEG` on
+/// standard input lays it elsewhere (mm, degrees), as somebody would who moves it unseen.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
@@ -90,9 +93,17 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let served = robot.serve(&line(&arguments.listen), false);
     let server = served.into_diagnostic().wrap_err("cannot start the simulated robot")?;
     say!("{}\n{}", server.address(), finger.address());
+    let orders = lines_of_input()?;
     let mut stopped = None;
     while !interrupt::requested() {
         std::thread::sleep(LOOK_EVERY);
+        for line in orders.try_iter() {
+            match line.and_then(|line| laid(&line)) {
+                Ok(Some(pose)) => robot.lay(pose),
+                Ok(None) => {}
+                Err(why) => note!("{why}"),
+            }
+        }
         let truth = robot.truth();
         if truth.stopped != stopped {
             stopped = truth.stopped;
@@ -107,6 +118,16 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The pose that an order lays the part in; none of an empty line.
+fn laid(line: &str) -> Result<Option<Pose>, String> {
+    let line = line.trim();
+    if line.is_empty() {
+        return Ok(None);
+    }
+    let pose = line.strip_prefix("part ").ok_or_else(|| format!("`{line}` is no order: write `part X,Y,DEG`"))?;
+    pose_mm(pose.trim()).map(Some)
 }
 
 /// How often it looks for what to tell, and whether the user wants to stop.

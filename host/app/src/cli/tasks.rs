@@ -149,10 +149,16 @@ const TASKS: &[Task] = &[
             ),
             (
                 "touch",
-                &[(
-                    "with a simulated robot",
-                    "palpate touch -d sim:1 --robot sim: --part examples/part.toml --area-mm 0,0,200,200 --mass-kg 1",
-                )],
+                &[
+                    (
+                        "with a simulated robot",
+                        "palpate touch -d sim:1 --robot sim: --part examples/part.toml --area-mm 0,0,200,200 --mass-kg 1",
+                    ),
+                    (
+                        "which part it is",
+                        "palpate touch -d sim:1 --robot sim: --library examples/parts --area-mm 0,0,200,200 --mass-kg 1",
+                    ),
+                ],
             ),
             ("inscribe", &[("from lines of sight", "palpate inscribe examples/part.toml --views examples/views.toml")]),
             (
@@ -194,6 +200,7 @@ const TASKS: &[Task] = &[
                 &[
                     ("where to put points that tell shapes apart", "palpate sample examples/scene.toml"),
                     ("what their readings mean", "palpate sample --decode plan.json 01?0"),
+                    ("the same as they come", "palpate sample --decode plan.json < examples/readings.txt"),
                 ],
             ),
             ("corner", &[("how a part comes to rest in a corner", "palpate corner examples/part.toml --stable")]),

@@ -149,15 +149,8 @@ impl Arguments {
             return Shortlist { kept: (0..candidates.len()).collect(), left_out: Vec::new() };
         }
         let _progress = Progress::begin("looking which parts come near");
-        let misfits: Vec<_> = candidates
-            .iter()
-            .zip(0..)
-            .map(|(candidate, done)| {
-                progress::reached(done, candidates.len() as u64, &candidate.to_string());
-                from_rest::coarse_misfit(&push.known(&candidate.file), force)
-            })
-            .collect();
-        Shortlist::new(&misfits)
+        let known: Vec<_> = candidates.iter().map(|candidate| push.known(&candidate.file)).collect();
+        Shortlist::of(&known, force, |done, count| progress::reached(done as u64, count as u64, "parts"))
     }
 
     fn candidates(&self) -> miette::Result<Vec<Candidate>> {

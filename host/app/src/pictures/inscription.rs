@@ -7,6 +7,7 @@ use palpate::inscription::{PlannedView, Pose};
 use palpate::point_sampling::Circle;
 use palpate_files::views::{NamedPart, Views};
 
+use super::strip::strip;
 use crate::pictures::plot::{Colour, Dash, Figure, Key, PlotScene, Stroke, Style};
 
 /// Size of the page.
@@ -41,21 +42,48 @@ pub struct InscribePicture<'a> {
     pub next: Option<PlannedView>,
     /// Points that tell the poses apart, numbered as in the plan.
     pub points: &'a [Circle],
+    /// What a line that the part touches is called.
+    pub fences: &'a str,
     /// Title, above everything.
     pub title: &'a str,
     /// Lines below the title.
     pub subtitles: &'a [String],
 }
 
+/// A part that went by: what its barriers and beams saw, and its poses.
+#[derive(Clone, Debug)]
+pub struct Passed {
+    /// What was seen.
+    pub views: Views,
+    /// The poses with the parts that have them, best first.
+    pub poses: Vec<(NamedPart, Pose)>,
+    /// A few words above its panel.
+    pub words: String,
+}
+
+/// The parts that went by, a panel for each.
+#[must_use]
+pub fn passed(title: &str, subtitles: &[String], passed: &[Passed]) -> Figure {
+    strip(title, subtitles, ["part", "parts"], passed.len(), |place| {
+        let Passed { views, poses, words } = &passed[place];
+        let poses: Vec<_> = poses.iter().map(|(part, pose)| Shown { part, pose: *pose }).collect();
+        let fences = "side of a light barrier";
+        let picture =
+            InscribePicture { views, poses: &poses, next: None, points: &[], fences, title: "", subtitles: &[] };
+        picture.scene(words)
+    })
+}
+
 impl InscribePicture<'_> {
     /// Draws the picture, with its own size.
     #[must_use]
     pub fn figure(&self) -> Figure {
-        Figure::new(self.title, PAGE[0], PAGE[1]).subtitles(self.subtitles).panel(self.scene())
+        Figure::new(self.title, PAGE[0], PAGE[1]).subtitles(self.subtitles).panel(self.scene(""))
     }
 
-    fn scene(&self) -> PlotScene {
-        let mut scene = PlotScene::new("");
+    /// The same as one panel of several.
+    fn scene(&self, title: &str) -> PlotScene {
+        let mut scene = PlotScene::new(title);
         self.draw_rays(&mut scene);
         for (k, shown) in self.poses.iter().enumerate().rev() {
             draw_part(&mut scene, shown, k);
@@ -79,12 +107,12 @@ impl InscribePicture<'_> {
             // On the side of the part, so that the text stays inside the frame.
             scene.label(next.site, self.middle() - next.site, "look from here next", Colour::ORANGE);
         }
-        if !self.views.cones.is_empty() {
+        if !self.views.readings.bearings.is_empty() {
             scene.key(Key::Dot(Colour::BLACK), "sensor");
             scene.key(Key::Line(ray_stroke()), "side of what it sees");
         }
         if !self.views.readings.fences.is_empty() {
-            scene.key(Key::Line(fence_stroke()), "fence");
+            scene.key(Key::Line(fence_stroke()), self.fences);
         }
         if !self.views.points.is_empty() {
             scene.key(Key::Dot(PROBED), "probed contact");

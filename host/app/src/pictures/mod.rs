@@ -12,3 +12,5 @@ pub mod roll;
 pub mod run;
 pub mod slow_chain;
 pub mod slow_push;
+pub mod strip;
+pub mod touch;

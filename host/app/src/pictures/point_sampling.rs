@@ -7,6 +7,7 @@ use nalgebra::{Point2, Vector2};
 use palpate::geometry::SimplePolygon;
 use palpate::point_sampling::Circle;
 
+use super::strip::strip;
 use crate::pictures::plot::{Colour, Dash, Figure, Key, PlotScene, Stroke, Style};
 
 /// Size of the page.
@@ -94,6 +95,65 @@ impl SamplingPicture<'_> {
     }
 }
 
+/// What the points of a plan read once.
+#[derive(Clone, Debug, Default)]
+pub struct Answered {
+    /// Whether each point is covered; none where it could not be read.
+    pub readings: Vec<Option<bool>>,
+    /// The polygons that fit best.
+    pub nearest: Vec<usize>,
+    /// Points that misread, if it is the first of these.
+    pub misread: Vec<usize>,
+    /// A few words above its panel.
+    pub words: String,
+}
+
+/// What points read, an answer a panel: the outlines that fit are filled, covered points are full and free ones empty.
+#[must_use]
+pub fn answered(
+    title: &str,
+    subtitles: &[String],
+    polygons: &[SimplePolygon],
+    points: &[Circle],
+    answers: &[Answered],
+) -> Figure {
+    let misread = if answers.iter().any(|answer| !answer.misread.is_empty()) { "; red: misread" } else { "" };
+    let legend = format!("full: a point that is covered; empty: one that is free{misread}; blue: what fits");
+    let subtitles: Vec<_> = subtitles.iter().cloned().chain([legend]).collect();
+    strip(title, &subtitles, ["answer", "answers"], answers.len(), |place| answer(polygons, points, &answers[place]))
+}
+
+fn answer(polygons: &[SimplePolygon], points: &[Circle], answer: &Answered) -> PlotScene {
+    let mut scene = PlotScene::new(answer.words.clone());
+    for polygon in polygons {
+        scene.polygon(polygon.vertices(), Stroke::solid(Colour::GREY, 0.6));
+    }
+    for polygon in answer.nearest.iter().filter_map(|polygon| polygons.get(*polygon)) {
+        scene.polygon(polygon.vertices(), Style::area(OUTLINE, 0.2).outlined(Stroke::solid(OUTLINE, 1.4)));
+    }
+    // Of one size, which the outlines give.
+    let corners = polygons.iter().flat_map(SimplePolygon::vertices);
+    let [low, high] = corners
+        .fold([Point2::from([f64::MAX; 2]), Point2::from([f64::MIN; 2])], |[low, high], corner| {
+            [low.inf(corner), high.sup(corner)]
+        });
+    let radius = READING_SHARE * (high - low).max();
+    for (number, (point, reading)) in points.iter().zip(&answer.readings).enumerate() {
+        let colour = if answer.misread.contains(&number) { POINT } else { Colour::BLACK };
+        let edge = Stroke::solid(colour, 1.6);
+        match reading {
+            Some(true) => scene.disk(point.centre, radius, Style::area(colour, 1.0).outlined(edge)),
+            Some(false) => scene.disk(point.centre, radius, Style::area(Colour::WHITE, 1.0).outlined(edge)),
+            None => scene.disk(point.centre, radius, Style::line(edge.with(Dash::Dotted))),
+        }
+        scene.label(point.centre, Vector2::new(1.0, 1.0), (number + 1).to_string(), colour);
+    }
+    scene
+}
+
+/// Radius of a point that was read, by the size of all outlines.
+const READING_SHARE: f64 = 0.018;
+
 fn fence() -> Stroke {
     Stroke::solid(Colour::BLACK, 2.0).with(Dash::Dashed)
 }
@@ -112,6 +172,23 @@ mod tests {
             SamplingPicture { polygons: &polygons, points: &[], fences: &[], title: "a corner", subtitles: &[] };
         let svg = picture.figure().to_page().to_svg();
         assert!(svg.contains("the outlines") && !svg.contains("point"), "{svg}");
+    }
+
+    #[test]
+    fn an_answer_fills_what_fits_and_shows_what_was_misread() {
+        let square = [[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]].map(Point2::from);
+        let polygons = [SimplePolygon::new(square).unwrap()];
+        let points = [0.02, 0.05].map(|x| Circle { centre: Point2::new(x, 0.05), radius: 0.01 });
+        let drawn = |misread: Vec<usize>| {
+            let readings = vec![Some(true), Some(false)];
+            let answers = [Answered { readings, nearest: vec![0], misread, words: "a square".to_owned() }];
+            answered("read", &[], &polygons, &points, &answers).to_page().to_svg()
+        };
+        let (good, bad) = (drawn(Vec::new()), drawn(vec![1]));
+        assert!(good.contains("aria-label=\"a square\"") && good.contains("empty: one that is free; blue"), "{good}");
+        assert!(!good.contains("misread") && bad.contains("red: misread"), "{bad}");
+        let red = |svg: &str| svg.matches("#d55e00").count();
+        assert!(red(&good) == 0 && red(&bad) > 0, "{bad}");
     }
 
     #[test]

@@ -46,6 +46,7 @@ mod sampling;
 pub mod static_contacts;
 pub(crate) mod streamed;
 mod touch;
+mod touched_parts;
 mod touches;
 
 use std::fmt;
@@ -68,6 +69,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     inscription::NOISE,
     touches::EXPERIMENT,
     touch::EXPERIMENT,
+    touched_parts::EXPERIMENT,
     explore::EXPERIMENT,
     sampling::SPARSE,
     sampling::DENSE,

@@ -25,7 +25,7 @@ pub(super) const EXPERIMENT: Experiment =
 const SQUARE: f64 = 0.2;
 
 /// Of the disk: the default finger's, m.
-const RADIUS: f64 = 0.015;
+pub(super) const RADIUS: f64 = 0.015;
 
 /// Friction between finger and part, and of the part's support.
 pub(super) const CONTACT_FRICTION: f64 = 0.25;
@@ -41,7 +41,7 @@ const MOTION_MAX: f64 = 1e-5;
 const SPEED_MAX: f64 = 0.02;
 
 /// Approaches after which a search is given up.
-const APPROACHES_MAX: usize = 40;
+pub(super) const APPROACHES_MAX: usize = 40;
 
 /// The default finger, felt from 0.1 N on, and a robot that brakes 10 ms later with 2 m/s².
 const LIMITS: ApproachLimits = ApproachLimits { stiffness: 27.455e3, threshold: 0.1, latency: 0.01, deceleration: 2.0 };
@@ -69,8 +69,11 @@ struct Setting {
     symmetric: bool,
 }
 
+/// Of each of the robot's coordinates, as a rule, mm.
+pub(super) const PLANNED_ROBOT_MM: f64 = 0.02;
+
 const PLANNED: Setting =
-    Setting { name: "planned", choice: Choice::Planned, robot_mm: 0.02, speed: None, symmetric: false };
+    Setting { name: "planned", choice: Choice::Planned, robot_mm: PLANNED_ROBOT_MM, speed: None, symmetric: false };
 
 const SETTINGS: [Setting; 5] = [
     PLANNED,
@@ -152,7 +155,7 @@ fn row(setting: &Setting, trials: &[Trial]) -> Vec<Cell> {
 
 /// How a search ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Ending {
+pub(super) enum Ending {
     Right,
     /// One pose, and not the true one; or several alike without it.
     Wrong,
@@ -272,13 +275,13 @@ pub(super) fn placed(outline: &SimplePolygon, robot_mm: f64, draw: &mut Draw) ->
 }
 
 /// With which the finger moves a part by no more than is allowed.
-fn safe_speed(outline: &SimplePolygon) -> f64 {
+pub(super) fn safe_speed(outline: &SimplePolygon) -> f64 {
     let holding = Holding::of(outline, &SupportFriction::uniform(outline), SUPPORT_FRICTION * MASS * GRAVITY_ASSUMED);
     LIMITS.safe_speed(&holding, MOTION_MAX, SPEED_MAX).map_or(0.0, |safe| safe.speed)
 }
 
 /// The touch with what the part may have moved by since.
-fn widened(met: Met) -> Met {
+pub(super) fn widened(met: Met) -> Met {
     match met {
         Met::Nothing => Met::Nothing,
         Met::Part(mut touch) => {
@@ -289,7 +292,7 @@ fn widened(met: Met) -> Met {
 }
 
 /// Whether the truth is among poses, within the tolerance.
-fn judged(outline: &SimplePolygon, poses: &[Pose], truth: &Pose, if_so: Ending) -> Ending {
+pub(super) fn judged(outline: &SimplePolygon, poses: &[Pose], truth: &Pose, if_so: Ending) -> Ending {
     let TouchTolerance { distance, angle } = TouchTolerance::default();
     let centroid = outline.centroid();
     let is_true = |pose: &Pose| {

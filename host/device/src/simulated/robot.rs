@@ -319,6 +319,12 @@ impl SimulatedRobot {
         (t - config.clock_offset) / (1.0 + config.clock_drift)
     }
 
+    /// Somebody lays the part elsewhere.
+    pub fn lay(&self, pose: Pose) {
+        let mut scene = self.scene();
+        (scene.world.pose, scene.world.pressed) = (pose, None);
+    }
+
     /// What is so.
     #[must_use]
     pub fn truth(&self) -> RobotTruth {

@@ -65,7 +65,7 @@ pub(crate) fn run(seed: u64) -> miette::Result<ExitCode> {
     let mut carrier = motion.guided(finger, RobotLink::simulated(robot.clone(), epoch), speeds);
     let tolerance = TouchTolerance::default();
     let mut search = TouchSearch::new(TouchTask { outline: outline.clone(), radius: RADIUS, area, tolerance });
-    let status = locate(&mut search, &mut carrier, Told { json: false }, APPROACHES_MAX)?;
+    let status = locate(&mut search, &mut carrier, Told { json: false }, APPROACHES_MAX, &mut Vec::new())?;
     let truth = robot.truth();
     let moved = outlines_apart(&outline, &pose, &truth.pose);
     let told = format!(

@@ -14,10 +14,10 @@ use serde_json::{Value, json};
 use super::carriers::Speeds;
 use super::told::{EXIT_OPEN, Told, after};
 use super::{Arguments, Ground, Sought, locate};
-use crate::cli::plot::PlotArguments;
 use crate::cli::positive;
 use crate::cli::touch_world::{five_corners, read_part};
 use crate::pictures::plot::{Colour, Figure, Fill, Key, PlotScene, Stroke, Style};
+use crate::pictures::touch::TouchLeft;
 use crate::width::folded;
 
 /// Approaches for each touch that is asked for, at most: some meet nothing.
@@ -45,9 +45,6 @@ pub(super) struct ExplorationArguments {
     /// Friction between part and table for that file: touches do not tell it
     #[arg(long, value_name = "MU", default_value_t = 0.3, value_parser = positive, requires = "explore")]
     mu: f64,
-
-    #[command(flatten)]
-    plot: PlotArguments,
 }
 
 impl ExplorationArguments {
@@ -71,10 +68,10 @@ pub(super) fn run(arguments: &Arguments, told: Told) -> miette::Result<ExitCode>
         touches: exploration.touches,
     };
     let most = arguments.approaches_max.unwrap_or(APPROACHES_A_TOUCH * exploration.touches);
-    let status = locate(&mut sought, carrier.as_mut(), told, most)?;
+    let status = locate(&mut sought, carrier.as_mut(), told, most, &mut Vec::new())?;
     let Some(found) = sought.exploration.outline() else { return Ok(status) };
     write(out, &found, &sought.exploration, exploration.mu)?;
-    exploration.plot.draw(|| Ok(figure(&found, &sought.exploration)))?;
+    arguments.plot.draw(|| Ok(figure(&found, &sought.exploration)))?;
     Ok(status)
 }
 
@@ -176,6 +173,12 @@ impl Sought for SoughtOutline {
             let corners = found.outline.vertices().len();
             say!("  an outline of {corners} points, known to ± {:.3} mm", found.sigma() * 1e3);
         }
+    }
+
+    fn left(&self) -> (String, Vec<TouchLeft>) {
+        let Some(found) = self.exploration.outline() else { return ("no outline yet".to_owned(), Vec::new()) };
+        let words = format!("known to ± {:.3} mm", found.sigma() * 1e3);
+        (words, vec![TouchLeft { outline: found.outline.vertices().to_vec(), kind: 0, name: None }])
     }
 
     fn end(&self, told: Told, approaches: usize, is_given_up: bool) -> miette::Result<u8> {

@@ -18,9 +18,11 @@ use palpate_files::part::PolygonFile;
 
 use super::calibrated::FingerArguments;
 use super::library::read_library;
+use super::plot::PlotArguments;
 use super::touch_world::{Area, area_mm, pose_mm, read_part};
 use super::{not_negative, positive};
 use crate::advice::Advise as _;
+use crate::pictures::touch::{TouchLeft, TouchPicture, TouchStep};
 use crate::progress::Progress;
 pub(crate) use carriers::advice;
 use carriers::{Carrier, Speeds};
@@ -41,6 +43,9 @@ far from the others.
 With --explore the part is unknown: it is held still, touched all around, each time where its outline is known least, and
 written as a part file with the outline's uncertainty. The disk does not come into notches narrower than itself: there the
 sides are taken to go on straight.
+
+--plot draws a panel for each approach: what it met, the poses that are left, and the approach chosen next; with --explore the
+outline that was found.
 
 Exit status: 0 if one pose is left, or several that no touch can tell apart; 1 if something cannot be used or was lost; 2 if no
 pose of any part fits what was felt; 3 if too many approaches left it open; 64 wrong command line.";
@@ -99,6 +104,9 @@ pub(crate) struct Arguments {
     /// the part that does [default: one of five corners]
     #[arg(long, value_name = "NAME")]
     simulated_part: Option<String>,
+
+    #[command(flatten)]
+    plot: PlotArguments,
 
     #[command(flatten)]
     finger: FingerArguments,
@@ -189,7 +197,18 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     } else {
         Box::new(TouchSearch::new(arguments.task(&files[there])))
     };
-    locate(sought.as_mut(), carrier.as_mut(), told, arguments.approaches_max.unwrap_or(APPROACHES_MAX))
+    let mut steps = Vec::new();
+    let most = arguments.approaches_max.unwrap_or(APPROACHES_MAX);
+    let ended = locate(sought.as_mut(), carrier.as_mut(), told, most, &mut steps);
+    // Up to where it ended early, too: that shows why.
+    arguments.plot.draw(|| {
+        let Ground { radius, area } = sought.ground();
+        let path = arguments.part.as_ref().or(arguments.library.as_ref());
+        let name = path.and_then(|path| path.file_name()).unwrap_or_default().to_string_lossy();
+        let title = format!("{name} by touch, approach by approach");
+        Ok(TouchPicture { steps: &steps, area, radius, title: &title, subtitles: &[] }.figure())
+    })?;
+    ended
 }
 
 /// Approaches after which a search is given up.
@@ -249,16 +268,19 @@ pub(super) trait Sought {
     /// What is left, with its key.
     fn left_json(&self) -> (&'static str, serde_json::Value);
     fn say_left(&self);
+    /// What is left in a few words, and the outlines that may lie there.
+    fn left(&self) -> (String, Vec<TouchLeft>);
     /// Says how it ended; the exit status.
     fn end(&self, told: Told, approaches: usize, is_given_up: bool) -> miette::Result<u8>;
 }
 
-/// Touches until what is sought is known, or it is known that touch cannot tell.
+/// Touches until what is sought is known, or it is known that touch cannot tell; adds what came of each approach to `steps`.
 pub(super) fn locate(
     sought: &mut dyn Sought,
     carrier: &mut dyn Carrier,
     told: Told,
     approaches_max: usize,
+    steps: &mut Vec<TouchStep>,
 ) -> miette::Result<ExitCode> {
     for number in 1.. {
         let choosing = Progress::begin("choosing the next line");
@@ -272,6 +294,9 @@ pub(super) fn locate(
         let met = carrier.make(sought.ground(), &next, sought.has_touched()).advised()?;
         sought.take(&next, &met);
         told.met(sought, number, &next, &met);
+        let (words, left) = sought.left();
+        let touched = if let Met::Part(touch) = &met { Some(touch.centre) } else { None };
+        steps.push(TouchStep { approach: next.approach, touched, left, words });
     }
     unreachable!("approaches are counted to the end")
 }

@@ -1,15 +1,20 @@
 //! What `palpate touch` prints: lines for a person, objects for programs.
 
 use nalgebra::Point2;
+use palpate::geometry::Pose;
 use palpate::inscription::{Met, NextTouch, PartLeft, PartsSearch, PartsVerdict, PoseMode, TouchSearch, TouchVerdict};
 use serde_json::{Value, json};
 
 use super::{Ground, Sought};
 use crate::cli::{counted, turn_deg};
+use crate::pictures::touch::TouchLeft;
 use crate::width::folded;
 
 /// Poses that a person is shown; a program gets them all.
 const SHOWN: usize = 6;
+
+/// Poses that a picture shows after an approach.
+const DRAWN: usize = 24;
 
 /// How it is printed.
 #[derive(Clone, Copy, Debug)]
@@ -126,6 +131,19 @@ impl Sought for TouchSearch {
         say_poses(self, modes, "    ");
     }
 
+    fn left(&self) -> (String, Vec<TouchLeft>) {
+        let verdict = self.verdict();
+        let words = match (&verdict, modes(&verdict).len()) {
+            (TouchVerdict::NoPose, _) => "no pose fits".to_owned(),
+            (_, 0) => "poses not told apart".to_owned(),
+            (_, count) => format!("{} left", counted(count, "pose")),
+        };
+        let is_told_apart = !modes(&verdict).is_empty();
+        let of_a_pose =
+            |(number, outline)| TouchLeft { outline, kind: if is_told_apart { number } else { 0 }, name: None };
+        (words, outlines(self, DRAWN).into_iter().enumerate().map(of_a_pose).collect())
+    }
+
     fn end(&self, told: Told, approaches: usize, is_given_up: bool) -> miette::Result<u8> {
         let verdict = self.verdict();
         let touches = self.touches().len();
@@ -158,7 +176,12 @@ impl Sought for TouchSearch {
             }
             TouchVerdict::NoPose => {
                 let why = "it was moved, it is another, or it is not all within --area-mm";
-                say!("{}", folded(&format!("No pose of this part fits what was felt, {after}: {why}.")));
+                let last = self
+                    .touches()
+                    .last()
+                    .map_or(String::new(), |touch| format!(", the last at {} mm", mm(touch.centre)));
+                let remedy = "Hold it still, or name the right file or a larger area, and begin anew.";
+                say!("{}", folded(&format!("No pose of this part fits what was felt, {after}{last}: {why}. {remedy}")));
             }
             TouchVerdict::Open { .. } => {
                 say!("Not decided {after}.");
@@ -233,6 +256,22 @@ impl Sought for SoughtPart {
         }
     }
 
+    fn left(&self) -> (String, Vec<TouchLeft>) {
+        let verdict = self.search.verdict();
+        let words = match verdict {
+            PartsVerdict::NoneOfThese => "none of the parts fits".to_owned(),
+            _ => format!("{} left", counted(self.search.parts_left(), "part")),
+        };
+        // Of hundreds nothing would be seen.
+        let shown = Some(parts(&verdict)).filter(|parts| parts.len() <= SHOWN).unwrap_or_default();
+        let of_a_part = |left: &PartLeft| {
+            let (kind, name) = (left.part, &self.names[left.part]);
+            let outlines = outlines(self.search.part(kind), DRAWN / shown.len()).into_iter();
+            outlines.map(move |outline| TouchLeft { outline, kind, name: Some(name.clone()) }).collect::<Vec<_>>()
+        };
+        (words, shown.iter().flat_map(of_a_part).collect())
+    }
+
     fn end(&self, told: Told, approaches: usize, is_given_up: bool) -> miette::Result<u8> {
         let verdict = self.search.verdict();
         let status = match verdict {
@@ -268,6 +307,13 @@ impl Sought for SoughtPart {
         self.say_parts(left);
         Ok(status)
     }
+}
+
+/// A part's outline in some of the poses that are left.
+fn outlines(search: &TouchSearch, most: usize) -> Vec<Vec<Point2<f64>>> {
+    let vertices = search.task().outline.vertices();
+    let placed = |pose: Pose| vertices.iter().map(|vertex| pose.isometry() * vertex).collect();
+    search.some_poses(most).into_iter().map(placed).collect()
 }
 
 /// The parts that are told.

@@ -71,6 +71,19 @@ impl Figure {
         self.column(1.0, vec![panel.into()])
     }
 
+    /// The figure with panels in rows of so many, in the order in which text is read.
+    #[must_use]
+    pub fn rows(self, across: usize, panels: Vec<Box<dyn Panel>>) -> Self {
+        let across = across.min(panels.len()).max(1);
+        let mut columns: Vec<Vec<Box<dyn Panel>>> = (0..across).map(|_| Vec::new()).collect();
+        let height = panels.len().div_ceil(across);
+        let blanks = (panels.len()..across * height).map(|_| Box::new(Blank) as Box<dyn Panel>);
+        for (place, panel) in panels.into_iter().chain(blanks).enumerate() {
+            columns[place % across].push(panel);
+        }
+        columns.into_iter().fold(self, |figure, panels| figure.column(1.0, panels))
+    }
+
     /// The figure with a scene to scale, and what happens in it over time in charts beside it, from the top down.
     #[must_use]
     pub fn scene_with_charts<const N: usize>(self, scene: PlotScene, charts: [Chart; N]) -> Self {
@@ -110,6 +123,13 @@ impl Figure {
         }
         body.inside(Margins { top, ..Margins::default() })
     }
+}
+
+/// Where a row has no more panels.
+struct Blank;
+
+impl Panel for Blank {
+    fn draw(&self, _page: &mut Page, _panel: Area) {}
 }
 
 impl Column {

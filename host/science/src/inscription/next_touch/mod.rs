@@ -235,6 +235,20 @@ impl TouchSearch {
         }
     }
 
+    /// Some of the poses that are left since the first touch, spread over them, at most so many: those found, or, where they are
+    /// not told apart yet, what stands for them.
+    #[must_use]
+    pub fn some_poses(&self, most: usize) -> Vec<Pose> {
+        match &self.belief {
+            Belief::Spread(_) => Vec::new(),
+            Belief::Covered { cells, modes } if modes.is_empty() => {
+                let stride = cells.len().div_ceil(most.max(1)).max(1);
+                cells.middles(&self.task, &self.curve, 0, stride).map(|middle| middle.pose).collect()
+            }
+            Belief::Covered { modes, .. } => modes.iter().take(most).map(|mode| mode.pose).collect(),
+        }
+    }
+
     /// What was told beforehand.
     #[must_use]
     pub fn task(&self) -> &TouchTask {
