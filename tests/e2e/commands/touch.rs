@@ -257,18 +257,6 @@ fn relayed(robot: &str) -> (String, Arc<AtomicBool>) {
     (address, is_silent)
 }
 
-/// Lines that a search prints, until one begins so.
-fn until(lines: &mut impl Iterator<Item = std::io::Result<String>>, beginning: &str) -> String {
-    let mut said = String::new();
-    for line in lines.map_while(Result::ok) {
-        said += &format!("{line}\n");
-        if line.trim_start().starts_with(beginning) {
-            return said;
-        }
-    }
-    panic!("nothing begins with `{beginning}`: {said}");
-}
-
 /// A search by touch with a simulated robot in another program, as lines for a person.
 #[cfg(unix)]
 fn search(folder: &Path, robot: &str, finger: &str) -> Child {
@@ -289,7 +277,8 @@ fn a_robot_that_is_lost_in_the_midst_is_told_with_what_to_do() {
     let (address, is_silent) = relayed(&there.robot);
     let mut touch = search(folder.path(), &address, &there.finger);
     let mut lines = BufReader::new(touch.stdout.take().unwrap()).lines();
-    until(&mut lines, "approach 2");
+    let first = lines.find_map(Result::ok).unwrap_or_default();
+    assert!(first.starts_with("approach 1"), "{first}");
     is_silent.store(true, Ordering::Relaxed);
     let output = touch.wait_with_output().unwrap();
     let said = text(&output.stderr);
@@ -299,29 +288,38 @@ fn a_robot_that_is_lost_in_the_midst_is_told_with_what_to_do() {
     }
 }
 
+/// Runs of a search in real time: a machine that is too busy loses samples, at which a robot is stopped, as it should be.
+const RUNS_MAX: usize = 5;
+
 #[test]
 #[cfg(unix)]
 fn a_part_that_is_moved_meanwhile_is_told_with_what_to_do() {
     let folder = tempfile::tempdir().unwrap();
     let lies = ["--pose", "40,20,30", "--mass-kg", "20", "--start-mm=-30,-30", "--seed", "6"];
-    let mut there = Terminal::simulate_robot(&lies);
-    let mut touch = search(folder.path(), &there.robot, &there.finger);
-    let mut lines = BufReader::new(touch.stdout.take().unwrap()).lines();
-    // Its pose is all but known by then.
-    (0..2).for_each(|_| drop(until(&mut lines, "touched")));
-    until(&mut lines, "approach");
-    there.child.stdin.as_mut().unwrap().write_all(b"part 48,12,38\n").unwrap();
-    let printed: String = lines.map_while(Result::ok).map(|line| line + "\n").collect();
-    let output = touch.wait_with_output().unwrap();
-    let said = format!("{} {}", text(printed.as_bytes()), text(&output.stderr));
-    let is_early = output.status.code() == Some(1)
+    let run = |_: usize| {
+        let mut there = Terminal::simulate_robot(&lies);
+        let mut touch = search(folder.path(), &there.robot, &there.finger);
+        let (mut printed, mut touches) = (String::new(), 0);
+        for line in BufReader::new(touch.stdout.take().unwrap()).lines().map_while(Result::ok) {
+            touches += usize::from(line.trim_start().starts_with("touched"));
+            // Its pose is all but known by then.
+            if touches == 2 && line.starts_with("approach") {
+                there.child.stdin.as_mut().unwrap().write_all(b"part 48,12,38\n").unwrap();
+            }
+            printed += &(line + "\n");
+        }
+        let output = touch.wait_with_output().unwrap();
+        (output.status.code(), format!("{} {}", text(printed.as_bytes()), text(&output.stderr)))
+    };
+    let (code, said) = (0..RUNS_MAX).map(run).find(|(_, said)| !said.contains("samples were lost")).unwrap();
+    let is_early = code == Some(1)
         && said.contains("mm before any pose that is left: the part was moved")
         && said.contains("hold the part");
-    let is_none = output.status.code() == Some(2)
+    let is_none = code == Some(2)
         && said.contains("No pose of this part fits what was felt")
         && said.contains("it was moved")
         && said.contains("Hold it still");
-    assert!(is_early || is_none, "{:?}: {said}", output.status);
+    assert!(is_early || is_none, "{code:?}: {said}");
 }
 
 impl Terminal {
