@@ -79,6 +79,7 @@ fn looked(
     let limit = misfit_limit(measured.data().len(), measured.freedom());
     let mut best = starts(&problem);
     best.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let at_first = least_cost(&best);
     best.retain(|tried| tried.cost <= HOPELESS * limit);
     let mut chosen: Vec<Tried> = Vec::new();
     for tried in best {
@@ -93,7 +94,7 @@ fn looked(
     let gone: Vec<_> = chosen.into_iter().map(|tried| problem.descend(tried, STEPS[number])).collect();
     let gone = apart(&problem, gone);
     Look {
-        misfit: least_cost(&gone) / limit,
+        misfit: least_cost(&gone).min(at_first) / limit,
         guesses: gone.iter().map(|tried| tried.guess).collect(),
         looks: number + 1,
     }
