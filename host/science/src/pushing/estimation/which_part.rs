@@ -83,8 +83,8 @@ impl Shortlist {
         Self { kept: kept.into_iter().map(|(part, _)| part).collect(), left_out }
     }
 
-    /// Misfit of a part that is left out at least, at each look. Of a library of 500 parts, each of those pushed by a simulated finger
-    /// was at 0.03 to 0.55, others at the first look at 5 to 80 in the median, at the second at some dozens: this leaves room for a
+    /// Misfit of a part that is left out at least, at each look. Of a library of 500 parts, the three pushed by a simulated finger
+    /// were at 0.03 to 0.55, others at the first look at 5 to 80 in the median, at the second at some dozens: this leaves room for a
     /// grid that passes between two places.
     pub const MISFIT_MAX: [f64; Look::COUNT] = [3.0, 10.0, 10.0];
 
