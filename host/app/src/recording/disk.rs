@@ -88,6 +88,15 @@ impl Desk {
     }
 }
 
+/// Says that nothing more is written when the thread ends, by a panic too: nobody else empties the desk.
+struct Leaving<'a>(&'a Desk);
+
+impl Drop for Leaving<'_> {
+    fn drop(&mut self) {
+        self.0.change(|waiting| *waiting = Waiting { has_ended: true, ..Waiting::default() });
+    }
+}
+
 /// The way to the thread.
 #[derive(Debug)]
 pub(super) struct Disk {
@@ -102,9 +111,8 @@ impl Disk {
         let desk = Arc::new(Desk::default());
         let (named, at) = (path.display().to_string(), Arc::clone(&desk));
         let thread = thread::Builder::new().name("palpate recording".to_owned()).spawn(move || {
-            let size = Written { writer, channels: BTreeMap::new(), unit: "N" }.write_all(&at, &named);
-            at.change(|waiting| *waiting = Waiting { has_ended: true, ..Waiting::default() });
-            size
+            let _leaving = Leaving(&at);
+            Written { writer, channels: BTreeMap::new(), unit: "N" }.write_all(&at, &named)
         })?;
         Ok(Self { path: path.to_owned(), desk, thread: Some(thread) })
     }
@@ -196,5 +204,22 @@ impl Written {
             Item::Metadata { name, texts } => self.writer.metadata(name, &texts),
             Item::UnitOfForce(unit) => self.unit = unit,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_thread_that_panics_has_ended() {
+        let desk = Arc::new(Desk::default());
+        let at = Arc::clone(&desk);
+        let broken = thread::spawn(move || {
+            let _leaving = Leaving(&at);
+            panic!("a fault in the writer");
+        });
+        assert!(broken.join().is_err());
+        assert!(desk.change(|waiting| waiting.has_ended));
     }
 }

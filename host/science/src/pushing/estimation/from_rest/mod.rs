@@ -269,16 +269,36 @@ fn ranked_leads(tried: &[Tried]) -> Vec<(usize, Tried)> {
     ranked
 }
 
-/// As many of them, the best of every edge before the second of any: those of one edge are mostly pieces of one valley, and
-/// what is not known of the part may make another edge's the lowest in the end. The best first.
+/// As many of them, the best of every edge before the second of any, and pieces of one valley last: what is not known of
+/// the part may make another edge's the lowest in the end, or another valley's. The best first.
 fn leads_of_edges(tried: &[Tried], count: usize) -> Vec<Tried> {
-    let ranked = ranked_leads(tried);
-    let mut chosen: Vec<_> = (0..ranked.len()).collect();
-    chosen.sort_by_key(|&index| ranked[index].0);
+    let leads = leads(tried, usize::MAX);
+    let is_piece = |index: usize| leads[..index].iter().any(|better| is_one_valley(better, &leads[index]));
+    let is_beside = |index: usize, other: usize| leads[index].guess.edge == leads[other].guess.edge;
+    let pieces: Vec<_> = (0..leads.len()).map(is_piece).collect();
+    let rank = |&index: &usize| {
+        let before = (0..index).filter(|&other| is_beside(index, other) && pieces[other] == pieces[index]);
+        (pieces[index], before.count())
+    };
+    let mut chosen: Vec<_> = (0..leads.len()).collect();
+    chosen.sort_by_cached_key(rank);
     chosen.truncate(count);
     chosen.sort_unstable();
-    chosen.into_iter().map(|index| ranked[index].1.clone()).collect()
+    chosen.into_iter().map(|index| leads[index].clone()).collect()
 }
+
+/// Whether two minima end as near as numbers of the part take them, the contact slipping in both or in neither.
+fn is_one_valley(one: &Tried, other: &Tried) -> bool {
+    let (end, other_end) = (&one.path.end, &other.path.end);
+    one.guess.edge == other.guess.edge
+        && one.path.slipped == other.path.slipped
+        && (end.s - other_end.s).abs() < ONE_VALLEY.place
+        && (end.u - other_end.u).abs() < ONE_VALLEY.angle
+}
+
+/// Where numbers of the part are not known, minima nearer than this on one edge come to one: of pushes that were drawn, a
+/// tenth and a third of what they then state.
+const ONE_VALLEY: Nearness = Nearness { place: 1e-3, angle: 0.08 };
 
 /// Whether two minima end at one place, as an answer has it.
 fn is_one_place(one: &Guess, end: &State, other: &Guess, other_end: &State) -> bool {

@@ -25,7 +25,7 @@ const FITS_ROUGHLY: usize = 4;
 const COST_STEP: f64 = 0.01;
 
 /// Minima of a search that are followed with numbers found too.
-pub(super) const NUMBERED_LEADS: usize = 12;
+pub(super) const NUMBERED_LEADS: usize = 16;
 
 /// A motion that numbers tell.
 pub(super) trait MotionNumbers {

@@ -27,7 +27,7 @@ use std::ops::AddAssign as _;
 pub use follower::{MotionClock, PushFollower};
 use measured::PathNumbers;
 pub use measured::{MeasuredEstimate, MeasuredFinger, estimate_measured_until};
-use nalgebra::{Isometry2, Matrix2, Matrix6, Translation2, UnitComplex, Vector2};
+use nalgebra::{Isometry2, Matrix2, Matrix3, Matrix6, Translation2, UnitComplex, Vector2, Vector3, Vector6};
 pub use sensed::{SensedPush, sensed};
 pub use tracker::{ForceTracker, Found, SearchTask, TrackedHypothesis, TrackerState};
 
@@ -36,11 +36,13 @@ use read_force::{Doubts, ReadForce};
 use super::end::BELIEF;
 use super::fit::{Problem, Tried};
 use super::friction_along::FrictionAlong;
-use super::numbers::{MotionNumbers, NUMBERED_LEADS, NumberedMinimum, Unknown};
+use super::numbers::{MotionNumbers, NUMBERED_LEADS, Numbered, Unknown};
 use super::part_errors::PartErrors;
 use super::path::{Course, CourseStart, Guess};
 use super::windowed_force::place_covariance;
-use super::{GATE, WALKED_MAX, is_one_place, is_possible, leads, leads_of_edges, misfit_limit, search, symmetry};
+use super::{
+    GATE, SAME_PLACE, WALKED_MAX, is_one_place, is_possible, leads, leads_of_edges, misfit_limit, search, symmetry,
+};
 use crate::geometry::Pose;
 use crate::math::unscented::Gaussian;
 use crate::pushing::dynamics::{ContactMode, FingerShape, Part, State};
@@ -213,7 +215,7 @@ pub fn follow(known: &KnownOfFinger, readings: &[ForceReading], from: &Beginning
 
 fn halting_estimate(known: &KnownOfFinger, readings: &[ForceReading], halt: &Halt<'_>) -> Vec<ForceHypothesis> {
     let Some(push) = FeltPush::new(known, readings, None) else { return Vec::new() };
-    conclude(push.all(halt), known.part, symmetry::order(known.part))
+    conclude(push.all(halt), known, symmetry::order(known.part))
 }
 
 /// The edges of which no two look the same, and how many turns take the part to itself.
@@ -271,9 +273,11 @@ impl<'a, 'p> FeltPush<'a, 'p> {
     fn all(&self, halt: &Halt<'_>) -> Vec<Concluded> {
         let (edges, _) = distinct_edges(self.known.part);
         let leads = self.leads(&edges, usize::MAX, halt);
-        let is_walked = leads.len() <= WALKED_MAX;
         let wanted = leads.into_iter().take_while(|_| !halt.is_wished());
-        wanted.filter_map(|(_, lead)| self.followed(lead, is_walked, halt)).collect()
+        let minima = within_gate(wanted.filter_map(|(_, lead)| self.minimum(lead, halt)).collect(), Minimum::place);
+        // Only what is listed is worth a walk.
+        let is_walked = self.known.has_numbers() || minima.len() <= WALKED_MAX;
+        minima.iter().filter_map(|minimum| self.concluded(minimum, is_walked)).collect()
     }
 
     /// Where the search comes to, the best first, with what it costs there: without what outline and motion take up.
@@ -304,30 +308,58 @@ impl<'a, 'p> FeltPush<'a, 'p> {
 
     /// The minimum that a guess leads to, with all that is unknown.
     fn followed(&self, guess: Guess, is_walked: bool, halt: &Halt<'_>) -> Option<Concluded> {
-        if self.known.has_numbers() || self.path.is_some() {
-            return Some(self.with_numbers(guess, is_walked, halt)?.0);
-        }
-        let problem = Problem { course: &self.course, measured: &self.felt, mass: self.known.mass };
-        let tried = problem.descend(problem.try_guess(guess)?, usize::MAX);
-        concluded(&problem, &tried, self.known, &self.felt, is_walked)
+        self.concluded(&self.minimum(guess, halt)?, is_walked)
+    }
+
+    /// The same before anything is said of it; none where the finger cannot be there.
+    fn minimum(&self, guess: Guess, halt: &Halt<'_>) -> Option<Minimum> {
+        let (tried, numbered, taken) = if self.known.has_numbers() || self.path.is_some() {
+            let explains = |tried: &Tried| tried.cost <= self.cost_max(&self.problem(&self.course), tried);
+            let found = self.unknown().found(guess, &self.felt, &self.roughly, explains, halt)?;
+            (found.tried, Some(found.numbered), found.taken)
+        } else {
+            let problem = self.problem(&self.course);
+            (problem.descend(problem.try_guess(guess)?, usize::MAX), None, Vec::new())
+        };
+        let course = self.course_of(numbered.as_ref());
+        let problem = self.problem(&course);
+        let cost_max = self.cost_max(&problem, &tried);
+        let is_possible = is_possible(&problem, &tried);
+        drop(course);
+        is_possible.then_some(Minimum { tried, numbered, taken, cost_max })
+    }
+
+    /// What it says.
+    fn concluded(&self, minimum: &Minimum, is_walked: bool) -> Option<Concluded> {
+        let Minimum { tried, numbered, cost_max, .. } = minimum;
+        let course = self.course_of(numbered.as_ref());
+        let problem = self.problem(&course);
+        Some(Concluded {
+            cost: tried.cost,
+            cost_max: *cost_max,
+            guess: tried.guess,
+            end: tried.path.end,
+            found: hypothesis(&problem, tried, self.known, &self.felt, is_walked)?,
+            at_end: AtEnd::of(&problem, tried, self.known, f64::INFINITY)?,
+        })
+    }
+
+    /// With such numbers of part and motion.
+    fn course_of<'c>(&'c self, numbered: Option<&'c Numbered>) -> Course<'c> {
+        numbered.map_or_else(|| self.course.clone(), |numbered| numbered.course(&self.course))
+    }
+
+    fn problem<'c, 'q>(&'c self, course: &'c Course<'q>) -> Problem<'c, 'q> {
+        Problem { course, measured: &self.felt, mass: self.known.mass }
+    }
+
+    /// What an explanation may cost after the onset.
+    fn cost_max(&self, problem: &Problem, tried: &Tried) -> f64 {
+        cost_max(degrees_of_freedom(problem, tried, self.known, &self.felt), &self.felt)
     }
 }
 
 impl<'p> FeltPush<'_, 'p> {
-    /// The minimum that a guess leads to with the numbers of part and motion found, and how many standard deviations each of
-    /// them then is off.
-    fn with_numbers(&self, guess: Guess, is_walked: bool, halt: &Halt<'_>) -> Option<(Concluded, Vec<f64>)> {
-        let explains = |tried: &Tried| {
-            let problem = Problem { course: &self.course, measured: &self.felt, mass: self.known.mass };
-            tried.cost <= cost_max(degrees_of_freedom(&problem, tried, self.known, &self.felt), &self.felt)
-        };
-        let NumberedMinimum { tried, numbered, taken } =
-            self.unknown().found(guess, &self.felt, &self.roughly, explains, halt)?;
-        let course = numbered.course(&self.course);
-        let problem = Problem { course: &course, measured: &self.felt, mass: self.known.mass };
-        Some((concluded(&problem, &tried, self.known, &self.felt, is_walked)?, taken))
-    }
-
     fn unknown(&self) -> Unknown<'_, 'p> {
         Unknown {
             course: &self.course,
@@ -398,6 +430,35 @@ fn legs_since(legs: impl Iterator<Item = Leg>, from: f64) -> Vec<Leg> {
 /// normal one.
 const WANDER_SHARE: f64 = 0.3;
 
+/// A minimum, before anything is said of it.
+struct Minimum {
+    tried: Tried,
+    /// None where all numbers are as they are told.
+    numbered: Option<Numbered>,
+    /// How many standard deviations each of them is off.
+    taken: Vec<f64>,
+    cost_max: f64,
+}
+
+impl Minimum {
+    fn place(&self) -> MinimumPlace<'_> {
+        MinimumPlace {
+            cost: self.tried.cost,
+            cost_max: self.cost_max,
+            guess: &self.tried.guess,
+            end: &self.tried.path.end,
+        }
+    }
+}
+
+/// By what minima are told apart.
+struct MinimumPlace<'a> {
+    cost: f64,
+    cost_max: f64,
+    guess: &'a Guess,
+    end: &'a State,
+}
+
 /// A minimum that may be listed.
 struct Concluded {
     /// Of the readings after the onset.
@@ -433,52 +494,95 @@ impl AtEnd {
     }
 }
 
-/// A minimum with what it says, its probability being what it is relative to others; none where the finger cannot be there.
-fn concluded(
-    problem: &Problem,
-    tried: &Tried,
-    known: &KnownOfFinger,
-    felt: &ReadForce,
-    is_walked: bool,
-) -> Option<Concluded> {
-    if !is_possible(problem, tried) {
-        return None;
-    }
-    let freedom = degrees_of_freedom(problem, tried, known, felt);
-    Some(Concluded {
-        cost: tried.cost,
-        cost_max: cost_max(freedom, felt),
-        guess: tried.guess,
-        end: tried.path.end,
-        found: hypothesis(problem, tried, known, felt, is_walked)?,
-        at_end: AtEnd::of(problem, tried, known, f64::INFINITY)?,
-    })
-}
-
 /// The list of what cannot be excluded.
-fn conclude(concluded: Vec<Concluded>, part: &Part, symmetry: usize) -> Vec<ForceHypothesis> {
+fn conclude(concluded: Vec<Concluded>, known: &KnownOfFinger, symmetry: usize) -> Vec<ForceHypothesis> {
     let found = listed(concluded).into_iter().map(|concluded| concluded.found);
-    let mut hypotheses: Vec<_> = found.flat_map(|found| turned(found, part, symmetry)).collect();
+    let found = if known.has_numbers() { valleys(found) } else { found.collect() };
+    let mut hypotheses: Vec<_> = found.into_iter().flat_map(|found| turned(found, known.part, symmetry)).collect();
     let total: f64 = hypotheses.iter().map(|hypothesis| hypothesis.probability).sum();
     hypotheses.iter_mut().for_each(|hypothesis| hypothesis.probability /= total);
     hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     hypotheses
 }
 
+/// Where numbers of the part are not known, minima that overlap are samples of one valley, which is flat and bends: the
+/// likeliest stands for all of it.
+fn valleys(found: impl Iterator<Item = ForceHypothesis>) -> Vec<ForceHypothesis> {
+    let mut valleys: Vec<Vec<ForceHypothesis>> = Vec::new();
+    for next in found {
+        let mut valley: Vec<_> =
+            valleys.extract_if(.., |other| other.iter().any(|of| of.overlaps(&next))).flatten().collect();
+        valley.push(next);
+        valleys.push(valley);
+    }
+    valleys.into_iter().filter_map(|valley| ForceHypothesis::of_valley(&valley)).collect()
+}
+
+/// Poses nearer than this overlap, in deviations of both: three.
+const OVERLAP_SQUARED: f64 = 9.0;
+
+/// Exact contacts leave covariances singular: less than this apart (m, rad) two poses of one valley are not told apart.
+const OVERLAP_SLACK: (f64, f64) = (SAME_PLACE.place, SAME_PLACE.angle);
+
+impl ForceHypothesis {
+    fn of_pose(&self) -> Matrix3<f64> {
+        self.covariance.fixed_view::<3, 3>(0, 0).into_owned()
+    }
+
+    fn overlaps(&self, other: &Self) -> bool {
+        let (place, angle) = OVERLAP_SLACK;
+        let slack = Matrix3::from_diagonal(&Vector3::new(place, place, angle).map(|sd| sd * sd));
+        let off = other.pose_end.minus(&self.pose_end);
+        let squared = (self.of_pose() + other.of_pose() + slack).try_inverse().map(|inverse| off.dot(&(inverse * off)));
+        self.edge == other.edge && squared.is_some_and(|squared| squared < OVERLAP_SQUARED)
+    }
+
+    /// The likeliest of a valley's samples, covering all of them: half of its covariance is what they are together by their
+    /// probabilities, half what they are as places of a valley that is as likely everywhere.
+    fn of_valley(samples: &[Self]) -> Option<Self> {
+        let best = samples.iter().max_by(|a, b| a.probability.total_cmp(&b.probability))?;
+        let probability: f64 = samples.iter().map(|sample| sample.probability).sum();
+        let covariance = samples
+            .iter()
+            .map(|sample| {
+                let pose = sample.pose_end.minus(&best.pose_end);
+                let (velocity, omega) = (sample.velocity_end - best.velocity_end, sample.end.omega - best.end.omega);
+                let off = Vector6::new(pose.x, pose.y, pose.z, velocity.x, velocity.y, omega);
+                let weight = 0.5 * sample.probability / probability + 0.5 / samples.len() as f64;
+                (sample.covariance + off * off.transpose()) * weight
+            })
+            .sum();
+        Some(Self { probability, covariance, ..best.clone() })
+    }
+}
+
 /// What explains the readings, each place once, its probability being what it is relative to the others.
-fn listed(mut concluded: Vec<Concluded>) -> Vec<Concluded> {
-    concluded.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let Some(least) = concluded.first().filter(|best| best.cost <= best.cost_max).map(|best| best.cost) else {
-        return Vec::new();
-    };
-    let mut listed: Vec<Concluded> = Vec::new();
-    for mut next in concluded.into_iter().take_while(|next| next.cost <= least + GATE) {
-        if !listed.iter().any(|other| is_one_place(&other.guess, &other.end, &next.guess, &next.end)) {
-            next.found.probability *= (-0.5 * (next.cost - least)).exp();
-            listed.push(next);
+fn listed(concluded: Vec<Concluded>) -> Vec<Concluded> {
+    let mut listed = within_gate(concluded, |it| MinimumPlace {
+        cost: it.cost,
+        cost_max: it.cost_max,
+        guess: &it.guess,
+        end: &it.end,
+    });
+    let least = listed.first().map_or(0.0, |best| best.cost);
+    listed.iter_mut().for_each(|next| next.found.probability *= (-0.5 * (next.cost - least)).exp());
+    listed
+}
+
+/// What explains the readings, each place once, the best first; nothing where the best does not.
+fn within_gate<T>(mut minima: Vec<T>, place: impl Fn(&T) -> MinimumPlace<'_>) -> Vec<T> {
+    minima.sort_by(|a, b| place(a).cost.total_cmp(&place(b).cost));
+    let best = minima.first().map(&place).filter(|best| best.cost <= best.cost_max);
+    let Some(least) = best.map(|best| best.cost) else { return Vec::new() };
+    let mut within: Vec<T> = Vec::new();
+    for next in minima {
+        let here = place(&next);
+        let is_known = |other: &T| is_one_place(place(other).guess, place(other).end, here.guess, here.end);
+        if here.cost <= least + GATE && !within.iter().any(is_known) {
+            within.push(next);
         }
     }
-    listed
+    within
 }
 
 fn degrees_of_freedom(problem: &Problem, tried: &Tried, known: &KnownOfFinger, felt: &ReadForce) -> usize {

@@ -164,7 +164,8 @@ impl<'a> Measured<'a> {
         let mut found: Vec<(f64, Concluded)> = Vec::new();
         for (_, sds, guess) in begun.into_iter().take(LEADS).take_while(|_| !halt.is_wished()) {
             let followed = self.at(sds, |push| {
-                push.with_numbers(guess, true, halt).map(|(next, taken)| (push.offset_of(&taken), next))
+                let minimum = push.minimum(guess, halt)?;
+                Some((push.offset_of(&minimum.taken), push.concluded(&minimum, true)?))
             });
             let Some(Some((offset, mut next))) = followed else { continue };
             self.count_path(&mut next);
@@ -178,7 +179,7 @@ impl<'a> Measured<'a> {
         }
         let (offsets, found): (Vec<_>, Vec<_>) = found.into_iter().unzip();
         let costs: Vec<_> = found.iter().map(|found| found.found.cost).collect();
-        let listed = conclude(found, self.known.part, symmetry);
+        let listed = conclude(found, self.known, symmetry);
         let of = |listed: &ForceHypothesis| {
             let same = costs.iter().position(|cost| cost.to_bits() == listed.cost.to_bits());
             same.map_or(0.0, |place| offsets[place])
