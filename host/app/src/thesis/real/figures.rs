@@ -138,7 +138,8 @@ pub(super) fn film(judge: &Judge<'_>, worst: usize) -> Figure {
         });
     });
     let name = &judge.log.name;
-    let title =
-        format!("Blind from the first push on: {name}, around push {worst} (outside: of the region that is to hold 95 %)");
+    let title = format!(
+        "Blind from the first push on: {name}, around push {worst} (outside: of the region that is to hold 95 %)"
+    );
     slow_chain::figure(&title, &outline(), constants.radius, &frames)
 }
