@@ -129,7 +129,7 @@ pub(super) fn film(judge: &Judge<'_>, worst: usize) -> Figure {
             middle: cloud.middle(),
             truth: Some(known.after),
             title: format!(
-                "{}: {:.1} mm, {:.1}° off{}",
+                "{}: {:.1} mm, {:.1}°{}",
                 answer.push,
                 place * 1e3,
                 turn.to_degrees(),
@@ -139,7 +139,7 @@ pub(super) fn film(judge: &Judge<'_>, worst: usize) -> Figure {
     });
     let name = &judge.log.name;
     let title = format!(
-        "Blind from the first push on: {name}, around push {worst} (outside: of the region that is to hold 95 %)"
+        "Blind from the first push on: {name}, around push {worst}; how far off, and whether outside of the 95 % region"
     );
     slow_chain::figure(&title, &outline(), constants.radius, &frames)
 }
