@@ -1,16 +1,20 @@
 //! Pushes in time: the fixed step of observers, with and without derivatives, and the error-controlled run. Run with
 //! `cargo bench --bench push`.
 //!
-//! The bar: 0.8 s of a rolling pentagon at 5 ms steps within 60 µs.
+//! The bars: 0.8 s of a rolling pentagon at 5 ms steps within 60 µs; 3 s of a block on one to six feet, pushed at 2.5 mm/s,
+//! within 50 ms, feet that come to rest included.
 
 mod yardstick;
 
 use std::hint::black_box;
 
-use nalgebra::{Point2, Vector2};
+use nalgebra::{Point2, Rotation2, Vector2};
 use palpate::geometry::SimplePolygon;
+use palpate::math::random::Draw;
+use palpate::math::statistics::percentile;
 use palpate::pushing::dynamics::{
-    ContactLaw, ContactMode, EdgeEnd, Finger, Parameter, Part, Push, PushModel, Scalar, Seeded, Slip, Start, State,
+    ContactLaw, ContactMode, EdgeEnd, Finger, Mass, Parameter, Part, Push, PushModel, Scalar, Seeded, Slip, Start,
+    State,
 };
 use yardstick::best_of_runs;
 
@@ -89,6 +93,74 @@ fn main() {
         let _ = black_box(black_box(&push).run(&[DURATION]));
     });
     report("rolling, error-controlled with events", seconds);
+    on_feet();
+}
+
+/// ms that a slow push on feet may take.
+const FEET_BAR_MS: f64 = 50.0;
+
+/// Pushes on each number of feet.
+const ON_FEET: usize = 20;
+
+/// Length of a slow push, s.
+const SLOW_DURATION: f64 = 3.0;
+
+/// m/s.
+const SLOW_SPEED: f64 = 2.5e-3;
+
+/// Slow pushes of a block on one to six feet, which come to rest while it turns about them.
+fn on_feet() {
+    println!(
+        "ms a push of {SLOW_DURATION} s at 2.5 mm/s on feet, least of 30 runs each, {ON_FEET} pushes; bar {FEET_BAR_MS} ms"
+    );
+    println!("{:>5} {:>8} {:>8} {:>8} {:>10}", "feet", "median", "90 %", "most", "no answer");
+    for feet in 1..=6 {
+        let (mut times, mut unanswered) = (Vec::new(), 0);
+        for number in 0..ON_FEET {
+            let mut draw = Draw::case(12, number * 6 + feet);
+            let part = block_on_feet(feet, &mut draw);
+            let push = slow_push(&part, &mut draw);
+            unanswered += usize::from(push.run(&[SLOW_DURATION]).is_err());
+            let mut run = || {
+                let _ = black_box(black_box(&push).run(&[SLOW_DURATION]));
+            };
+            times.push(1e3 * best_of_runs(&mut run));
+        }
+        let at = |per_cent| percentile(times.iter().copied(), per_cent).unwrap_or(f64::NAN);
+        println!("{feet:>5} {:>8.2} {:>8.2} {:>8.2} {unanswered:>10}", at(50), at(90), at(100));
+    }
+}
+
+/// A right-angled block with legs of 150 mm on so many feet, anywhere under it, the load anyhow.
+fn block_on_feet(count: usize, draw: &mut Draw) -> Part {
+    let corners = [[0.0, 0.0], [0.15, 0.0], [0.0, 0.15]].map(Point2::from);
+    let outline = SimplePolygon::new(corners).unwrap_or_else(|error| panic!("{error}"));
+    let foot = |draw: &mut Draw| {
+        let (a, b) = (draw.unit(), draw.unit());
+        let (a, b) = if a + b > 1.0 { (1.0 - a, 1.0 - b) } else { (a, b) };
+        Point2::new(0.008 + 0.12 * a, 0.008 + 0.12 * b)
+    };
+    let shares: Vec<_> = (0..count).map(|_| draw.uniform(0.5, 1.5)).collect();
+    let sum: f64 = shares.iter().sum();
+    let feet: Vec<_> = shares.iter().map(|share| (foot(draw), share / sum)).collect();
+    let mass = Mass::uniform(&outline);
+    Part::on_feet(outline, &feet, mass)
+}
+
+/// A finger of 1 mm that goes straight on into an edge, and the part that goes along.
+fn slow_push<'p>(part: &'p Part, draw: &mut Draw) -> Push<'p> {
+    let edge = part.edge(draw.index(3)).unwrap_or_else(|error| panic!("{error}"));
+    let s = edge.s_min + (edge.s_max - edge.s_min) * draw.uniform(0.25, 0.75);
+    let normal = edge.normal;
+    let velocity0 = Rotation2::new(draw.uniform(-0.6, 0.6)) * -normal * SLOW_SPEED;
+    let point = part.body().centre_of_mass() + normal * edge.height + Vector2::new(-normal.y, normal.x) * s;
+    let radius = 1e-3;
+    let finger = Finger { radius, centre0: point + normal * radius, velocity0, acceleration: Vector2::zeros() };
+    let model = PushModel { part, edge, mu_g: 0.3 * 9.81, finger };
+    let state = State { u: (-normal.y).atan2(-normal.x), s, omega: 0.0, v_t: 0.0 };
+    let state = State { v_t: model.rolling_v_t(0.0, &state), ..state };
+    Push::new(model, ContactLaw::Coulomb { friction: 0.4 }, Start::Moving(state), EdgeEnd::Stop)
+        .unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Best time of one push, s.

@@ -235,7 +235,7 @@ fn mistakes_about_slow_pushes_have_their_messages() {
         (&["--quasi-static", "--edge", "0", "--direction-deg", "120"], 1, "away from it"),
         (&["--quasi-static", "--edge", "0", "--mu-c-static", "0.1"], 1, "less than the friction of sliding, 0.25"),
         (&["--quasi-static", "--edge", "0", "--finger", "ellipse"], 1, "slow pushes are by a disk"),
-        (&["--quasi-static", "--path", "none.csv", "--pose", "1,2"], 64, "two lengths and an angle"),
+        (&["--quasi-static", "--path", "none.csv", "--pose", "1,2"], 64, "a pose has three: X,Y,DEG"),
     ];
     for (arguments, status, wanted) in mistakes {
         let (_folder, output) = push(arguments);

@@ -28,8 +28,9 @@ use serde_json::json;
 use super::plot::PlotArguments;
 use super::read::read;
 use super::told_tables::TableArguments;
+use super::touch_world::pose_mm;
 use super::watched_push::{FeltPushArguments, WatchedPushArguments, Watching};
-use super::{finite, lacking, not_negative, positive};
+use super::{lacking, not_negative, positive};
 use crate::pictures::slow_chain::{ChainPush, figure};
 use crate::recording::{self, Believed, Seen};
 use crate::width::folded;
@@ -92,10 +93,10 @@ pub(super) fn fastest_measured(path: &RecordedPath) -> Option<f64> {
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Slow pushes (--method slow)")]
 pub(super) struct SlowArguments {
-    /// Where the part was about before the first push: its own origin and turn, in the frame of the places [default:
-    /// anywhere on the table]
-    #[arg(long, value_name = "MM,MM,DEGREES", value_parser = near, allow_hyphen_values = true)]
-    near: Option<Near>,
+    /// Where the part was about before the first push, in the frame of the places: X,Y in mm of its file's origin, and its
+    /// turn in degrees [default: anywhere on the table]
+    #[arg(long, value_name = "X,Y,DEG", value_parser = pose_mm, allow_hyphen_values = true)]
+    near: Option<Pose>,
 
     /// How far it may be from there, along x and y and in turn
     #[arg(long, value_name = "MM,DEGREES", value_parser = within, default_value = "10,10", requires = "near")]
@@ -127,21 +128,9 @@ pub(super) struct SlowArguments {
     seed: Option<u64>,
 }
 
-/// The value of `--near`: m and rad.
-#[derive(Clone, Copy, Debug)]
-struct Near([f64; 3]);
-
 /// The value of `--near-within`: m and rad.
 #[derive(Clone, Copy, Debug)]
 struct Within([f64; 2]);
-
-fn near(text: &str) -> Result<Near, String> {
-    let numbers = text.split(',').map(|number| finite(number.trim())).collect::<Result<Vec<_>, _>>()?;
-    match numbers[..] {
-        [x, y, turn] => Ok(Near([x * 1e-3, y * 1e-3, turn.to_radians()])),
-        _ => Err(format!("`{text}` is not two lengths and an angle: write for example 120,-35,90")),
-    }
-}
 
 fn within(text: &str) -> Result<Within, String> {
     let numbers = text.split(',').map(|number| positive(number.trim())).collect::<Result<Vec<_>, _>>()?;
@@ -295,10 +284,10 @@ impl SlowObserving<'_> {
             let before = match (&chain.cloud, self.slow.near) {
                 (Some(cloud), _) => Before::After(cloud),
                 (None, None) => Before::Anywhere,
-                (None, Some(Near([x, y, theta]))) => {
+                (None, Some(near)) => {
                     let Within([place, angle]) = self.slow.near_within;
-                    let at = Pose { x, y, theta }.isometry() * self.file.part.centre_of_mass();
-                    Before::Box(Pose { x: at.x, y: at.y, theta }, place, angle)
+                    let at = near.isometry() * self.file.part.centre_of_mass();
+                    Before::Box(Pose { x: at.x, y: at.y, ..near }, place, angle)
                 }
             };
             let after = filter.push(&before, &push.felt, &chain.belief, &mut draw);

@@ -15,7 +15,8 @@ use palpate_files::solve::kinds::quasi_static::QuasiStaticAnswer;
 use super::plot::PlotArguments;
 use super::push::fixed;
 use super::read::{read, report_problems};
-use super::{finite, not_negative, positive};
+use super::touch_world::pose_mm;
+use super::{not_negative, positive};
 use crate::pictures::plot::Figure;
 use crate::pictures::slow_push::{SAMPLES, SlowPushPicture};
 use crate::push_scenario::slow::{SlowPlan, SlowWay, SlowlyPushed};
@@ -42,9 +43,10 @@ pub(super) struct SlowArguments {
     #[arg(conflicts_with_all = ["edge", "s_mm", "direction_deg", "distance_mm"])]
     path: Option<PathBuf>,
 
-    /// Where the part lies at first, in the path's frame: its own origin and turn [default: as drawn]
-    #[arg(long, value_name = "MM,MM,DEGREES", value_parser = pose, allow_hyphen_values = true, requires = "path")]
-    pose: Option<PoseArgument>,
+    /// Where the part lies at first, in the path's frame: X,Y in mm of its file's origin, and its turn in degrees [default:
+    /// as drawn]
+    #[arg(long, value_name = "X,Y,DEG", value_parser = pose_mm, allow_hyphen_values = true, requires = "path")]
+    pose: Option<Pose>,
 
     /// Follow the path within this by as few straight pieces as that takes: places that were measured in steps make
     /// corners that no finger made
@@ -69,18 +71,6 @@ pub(super) struct SlowArguments {
 impl SlowArguments {
     pub(super) fn is_asked(&self) -> bool {
         self.quasi_static
-    }
-}
-
-/// The value of `--pose`: m and rad.
-#[derive(Clone, Copy, Debug)]
-struct PoseArgument(Pose);
-
-fn pose(text: &str) -> Result<PoseArgument, String> {
-    let numbers = text.split(',').map(|number| finite(number.trim())).collect::<Result<Vec<_>, _>>()?;
-    match numbers[..] {
-        [x, y, turn] => Ok(PoseArgument(Pose { x: x * 1e-3, y: y * 1e-3, theta: turn.to_radians() })),
-        _ => Err(format!("`{text}` is not two lengths and an angle: write for example 120,-35,90")),
     }
 }
 
@@ -154,7 +144,7 @@ impl SlowlyPushing<'_> {
             Some(within) => straightened(&places, within * 1e-3),
             None => places,
         };
-        let pose = slow.pose.map_or(Pose { x: 0.0, y: 0.0, theta: 0.0 }, |pose| pose.0);
+        let pose = slow.pose.unwrap_or(Pose { x: 0.0, y: 0.0, theta: 0.0 });
         Ok(SlowWay::Along { places, pose })
     }
 

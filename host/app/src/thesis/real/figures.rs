@@ -19,6 +19,10 @@ pub(super) const SETTLED: usize = 5;
 const FRAMES: usize = 10;
 const BEFORE: usize = 3;
 
+/// Errors of blind chains are drawn up to this, mm and degrees: a part that is looked for anew is off by far more than one that is
+/// followed.
+const SHOWN_MOST: f64 = 10.0;
+
 /// Size of the page of errors.
 const PAGE: [f64; 2] = [1180.0, 760.0];
 
@@ -81,12 +85,13 @@ pub(super) fn errors(logs: &[Readied], answers: &[Answer]) -> Figure {
     };
     let blind = |part: usize| {
         let title = if part == 0 { "Blind chains (task d), push by push, first seed" } else { "" };
-        let mut chart = Chart::new(title, ["push", words[part]]);
+        let mut chart = Chart::new(title, ["push", &format!("{}, {SHOWN_MOST:.0} at most", words[part])]);
         for (number, Readied { log, .. }) in logs.iter().enumerate() {
             let of_log = || answers.iter().filter(|answer| answer.task == "d" && answer.log == log.name);
             let first = of_log().map(|answer| answer.seed).min();
             let points = of_log().filter(|answer| Some(answer.seed) == first && answer.push > SETTLED);
-            let points: Vec<_> = points.map(|answer| [answer.push as f64, answer.error[part] * units[part]]).collect();
+            let cut = |answer: &Answer| (answer.error[part] * units[part]).min(SHOWN_MOST);
+            let points: Vec<_> = points.map(|answer| [answer.push as f64, cut(answer)]).collect();
             chart.curve("", &points, Stroke::solid(LOGS[number % LOGS.len()], 1.3).with(Dash::Solid));
         }
         chart
@@ -124,14 +129,17 @@ pub(super) fn film(judge: &Judge<'_>, worst: usize) -> Figure {
             middle: cloud.middle(),
             truth: Some(known.after),
             title: format!(
-                "{}: {:.1} mm, {:.1}° off{}",
+                "{}: {:.1} mm, {:.1}°{}",
                 answer.push,
                 place * 1e3,
                 turn.to_degrees(),
-                if answer.covered { "" } else { ", not covered" }
+                if answer.covered { "" } else { ", outside" }
             ),
         });
     });
-    let title = format!("Blind from the first push on: {}, around push {worst}", judge.log.name);
+    let name = &judge.log.name;
+    let title = format!(
+        "Blind from the first push on: {name}, around push {worst}; how far off, and whether outside of the 95 % region"
+    );
     slow_chain::figure(&title, &outline(), constants.radius, &frames)
 }

@@ -15,15 +15,15 @@ struct Task {
 }
 
 const TASKS: [Task; 9] = [
-    Task { name: "a", bar: "0.68/0.38, 2.0/1.9; 0.80/0.55, 2.6/2.6" },
+    Task { name: "a", bar: "0.68/0.38, 2.0/1.9, 90-99 %, axis 3; 0.80/0.55, 2.6/2.6, 82-99 % a log, axis 3" },
     Task { name: "a_learned", bar: "0.66/0.36; 0.75/0.48" },
-    Task { name: "b1", bar: "4.7/2.8; 4.3/2.5" },
-    Task { name: "b3", bar: "1.6/1.1; 1.6/1.2" },
+    Task { name: "b1", bar: "4.7/2.8, 90-99 %; 4.3/2.5, 90-99 %" },
+    Task { name: "b3", bar: "1.6/1.1, 90-99 %; 1.6/1.2, 90-99 %" },
     Task { name: "c1", bar: "88 %, 1200 cells" },
     Task { name: "c2", bar: "88 %, 90 cells" },
     Task { name: "c3", bar: "88 %, 30 cells" },
     Task { name: "c4", bar: "88 %, 15 cells, 2.2/1.8" },
-    Task { name: "d", bar: "1.4/0.8, 3.0/2.6; 1.6/1.1, 4.5/4.5" },
+    Task { name: "d", bar: "1.4/0.8, 3.0/2.6, 90-99 %; 1.6/1.1, 4.5/4.5, 90-99 %" },
 ];
 
 /// Of some answers of one seed.

@@ -16,13 +16,21 @@ use super::shaped::ShapedModel;
 use crate::math::Jet;
 use crate::math::dormand_prince::{ERROR, INTERPOLANT, NODES, STAGES, growth, moved};
 use crate::math::ode::{self, Moves};
-use crate::math::rosenbrock::{self, Linearised};
+use crate::math::rosenbrock::{self, Estimated, Linearised};
 
 /// Error of one adaptive step that is accepted, relative to the scales of [`Scale`].
 ///
 /// Errors of some hundred steps then stay below 3e-11 of these scales after a second of pushing (measured, see
 /// [`Push::run`](super::Push::run)): far below any sensor, near what rounding leaves.
 pub(super) const STEP_TOLERANCE: f64 = 1e-11;
+
+/// Error of a stiff step that is accepted, relative to the same scales: a foot at rest creeps by a micrometre a second
+/// ([`FOOT_AT_REST`](super::FOOT_AT_REST)), which is some hundred times what a hundred such errors come to.
+const STIFF_TOLERANCE: f64 = 1e-8;
+
+/// Differences by which rates are derived, m, s and m/s: the stiffest, of a foot at rest, are linear up to a speed ten
+/// thousand times this, and rounding is a millionth of them.
+const NUDGE: [f64; 3] = [1e-9, 1e-7, 1e-10];
 
 /// Speeds below this, in m/s, count as this in the scale of a step's error: no sensor tells them from rest.
 const SPEED_FLOOR: f64 = 1e-11;
@@ -176,14 +184,21 @@ impl From<Components> for State {
     }
 }
 
-/// One step of the pair, with what it takes to look inside it.
+/// One step, with what it takes to look inside it: of the explicit pair, or linearly implicit where that is too stiff.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Step {
     pub(super) time: f64,
     pub(super) length: f64,
     start: Components,
     end: Components,
-    slopes: [Components; 7],
+    way: Way,
+}
+
+/// How a step is taken.
+#[derive(Clone, Copy, Debug)]
+enum Way {
+    Explicit { slopes: [Components; 7] },
+    Stiff { begin: Linearised<4>, error: Components },
 }
 
 impl Step {
@@ -196,10 +211,49 @@ impl Step {
             end = moved(start, &slopes, &STAGES[stage], length);
             slopes[stage] = model.motion(contact, time + NODES[stage] * length, &end.into()).rates.into();
         }
-        Self { time, length, start, end, slopes }
+        Self { time, length, start, end, way: Way::Explicit { slopes } }
     }
 
-    /// The state at the end, of order 5.
+    /// The same where what the part turns and slides settles much faster than it changes; none where the step has no
+    /// solution.
+    pub(super) fn take_stiff(
+        model: &impl ContactModel,
+        contact: &ContactMode,
+        time: f64,
+        state: State,
+        length: f64,
+    ) -> Option<Self> {
+        let begin = differences(model, contact, time, &state);
+        Self::stiff(model, contact, (time, state), length, begin)
+    }
+
+    fn stiff(
+        model: &impl ContactModel,
+        contact: &ContactMode,
+        (time, state): (f64, State),
+        length: f64,
+        begin: Linearised<4>,
+    ) -> Option<Self> {
+        let start = Components::from(state);
+        let at = |share: f64, components: &SVector<f64, 4>| rates(model, contact, time + share * length, *components);
+        let Estimated { end, error } = rosenbrock::estimated_step(&start.into(), length, &begin, at)?;
+        let (end, error) = (Components::from(end), Components::from(error));
+        let is_finite = end.iter().all(|value| value.is_finite());
+        is_finite.then_some(Self { time, length, start, end, way: Way::Stiff { begin, error } })
+    }
+
+    /// Another step of the same kind from the same start.
+    pub(super) fn again(&self, model: &impl ContactModel, contact: &ContactMode, length: f64) -> Self {
+        let start = self.start();
+        match self.way {
+            // A shorter one has a solution as well; explicit ones always have.
+            Way::Stiff { begin, .. } if length > 0.0 => Self::stiff(model, contact, (self.time, start), length, begin)
+                .unwrap_or_else(|| Self::take(model, contact, self.time, start, length)),
+            _ => Self::take(model, contact, self.time, start, length),
+        }
+    }
+
+    /// The state at the end, of order 5, or 4 of a stiff step.
     pub(super) fn end(&self) -> State {
         self.end.into()
     }
@@ -209,14 +263,23 @@ impl Step {
         self.start.into()
     }
 
-    /// The interpolant at a share of the step in [0, 1]: of order 4, good for finding where to look.
-    pub(super) fn within(&self, share: f64) -> State {
+    /// The state at a share of the step in [0, 1], good for finding where to look. Of an explicit step it is that of the
+    /// interpolant of order 4; between the ends of a stiff one, where a force follows from speeds far below a micrometre a
+    /// second, another step: but near its ends the end will do.
+    pub(super) fn within(&self, model: &impl ContactModel, contact: &ContactMode, share: f64) -> State {
+        let Way::Explicit { slopes } = &self.way else {
+            return match share {
+                share if share < NEAR_END => self.start(),
+                share if share > 1.0 - NEAR_END => self.end(),
+                share => self.again(model, contact, share * self.length).end(),
+            };
+        };
         let rest = 1.0 - share;
-        let quartic = moved([0.0; 4], &self.slopes, &INTERPOLANT, self.length);
+        let quartic = moved([0.0; 4], slopes, &INTERPOLANT, self.length);
         let at = |i: usize| {
             let difference = self.end[i] - self.start[i];
-            let bend = self.length * self.slopes[0][i] - difference;
-            let skew = difference - self.length * self.slopes[6][i] - bend;
+            let bend = self.length * slopes[0][i] - difference;
+            let skew = difference - self.length * slopes[6][i] - bend;
             self.start[i] + share * (difference + rest * (bend + share * (skew + rest * quartic[i])))
         };
         [0, 1, 2, 3].map(at).into()
@@ -224,16 +287,49 @@ impl Step {
 
     /// The estimated error of the step: above 1 it is too large.
     pub(super) fn error(&self, scale: &Scale) -> f64 {
-        let error = moved([0.0; 4], &self.slopes, &ERROR, self.length);
+        let (error, tolerance) = match &self.way {
+            Way::Explicit { slopes } => (moved([0.0; 4], slopes, &ERROR, self.length), STEP_TOLERANCE),
+            Way::Stiff { error, .. } => (*error, STIFF_TOLERANCE),
+        };
         let worst = error.iter().zip(scale.0).map(|(error, scale)| (error / scale).abs());
         // `max` would drop a NaN, which must count as too large.
-        worst.fold(0.0, |worst, error| if error > worst || error.is_nan() { error } else { worst }) / STEP_TOLERANCE
+        worst.fold(0.0, |worst, error| if error > worst || error.is_nan() { error } else { worst }) / tolerance
     }
 
     /// The length that the next step, or another try of this one, should have.
     pub(super) fn length_next(&self, error: f64) -> f64 {
-        self.length * growth(error)
+        match self.way {
+            Way::Explicit { .. } => self.length * growth(error),
+            // Of an order less: the fourth root of the error instead of the fifth.
+            Way::Stiff { .. } => self.length * growth(error.powf(1.25)),
+        }
     }
+}
+
+/// Shares of a step that are as good as its end.
+const NEAR_END: f64 = 0.05;
+
+fn rates(model: &impl ContactModel, contact: &ContactMode, time: f64, state: SVector<f64, 4>) -> SVector<f64, 4> {
+    SVector::from(Components::from(model.motion(contact, time, &Components::from(state).into()).rates))
+}
+
+/// The rates with their derivatives, by differences: any model has those.
+fn differences(model: &impl ContactModel, contact: &ContactMode, time: f64, state: &State) -> Linearised<4> {
+    let [place, moment, speed] = NUDGE;
+    let radius = model.body().inertia_per_mass().sqrt();
+    let nudges = [place / radius, place, speed / radius, speed];
+    let start = SVector::from(Components::from(*state));
+    let here = rates(model, contact, time, start);
+    let mut by_state = SMatrix::<f64, 4, 4>::zeros();
+    for (i, nudge) in nudges.into_iter().enumerate() {
+        let mut moved = start;
+        moved[i] += nudge;
+        // What was added, rounded.
+        let nudge = moved[i] - start[i];
+        by_state.set_column(i, &((rates(model, contact, time, moved) - here) / nudge));
+    }
+    let by_time = (rates(model, contact, time + moment, start) - here) / moment;
+    Linearised { rates: here, by_state, by_time }
 }
 
 /// What an error in each component is measured by: 1 rad, the radius of gyration, and the present speeds.

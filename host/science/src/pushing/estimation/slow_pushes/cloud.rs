@@ -44,6 +44,11 @@ impl Kernel {
         }
     }
 
+    /// The same, so many times as wide.
+    pub(super) fn widened(&self, factor: f64) -> Self {
+        Self { place: factor * self.place, angle: factor * self.angle, ..*self }
+    }
+
     /// A pose drawn about another.
     pub(super) fn drawn(&self, about: &Pose, draw: &mut Draw) -> Pose {
         let width = if draw.chance(self.tail_share) { self.tail_width } else { 1.0 };

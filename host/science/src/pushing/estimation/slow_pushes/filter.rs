@@ -1,7 +1,8 @@
 //! One slow push after another: a cloud of poses before, what was felt, a cloud of poses after.
 //!
 //! 1. Start poses are drawn from what is known: a pose with its error, a box, anywhere on the table, or the cloud of
-//!    the push before through its kernel.
+//!    the push before through its kernel, a few of these through one so wide that a part is found again that slid
+//!    where all of the cloud stuck.
 //! 2. The onset is geometry: the travel at which the finger meets the outline of each, before anything is simulated.
 //!    Student's distribution weighs it against the travel felt.
 //! 3. Those that remain are given numbers of this push (friction of feet and finger, frame of the force) and simulated.
@@ -149,7 +150,12 @@ impl SlowFilter<'_> {
                 })
                 .collect(),
             Before::After(cloud) => {
-                (0..count).map(|i| kernel.drawn(&cloud.poses[i % cloud.poses.len()], draw)).collect()
+                let lost = kernel.widened(self.settings.lost_width);
+                let drawn = |i: usize| {
+                    let kernel = if draw.chance(self.settings.lost_share) { &lost } else { &kernel };
+                    kernel.drawn(&cloud.poses[i % cloud.poses.len()], draw)
+                };
+                (0..count).map(drawn).collect()
             }
             Before::Anywhere => (0..ANYWHERE * count).map(|_| self.anywhere(felt, draw)).collect(),
         }
