@@ -283,7 +283,7 @@ fn a_robot_that_is_lost_in_the_midst_is_told_with_what_to_do() {
     let output = touch.wait_with_output().unwrap();
     let said = text(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{said}");
-    for words in [&address[..], "has told no place for 500 ms", "is the robot's program running?"] {
+    for words in [&address[..], "has told no place for ", "is the robot's program running?"] {
         assert!(said.contains(words), "{words}: {said}");
     }
 }

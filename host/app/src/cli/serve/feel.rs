@@ -125,16 +125,19 @@ impl<'a> Feel<'a> {
         };
         self.observe(session, &judged)?;
         let arrival = session.arrival().saturating_duration_since(session.epoch());
-        self.board.update(|shown| shown.take_block(samples, &judged, arrival));
+        let (counts, temperature_c) = (session.counts(), session.temperature_c());
+        // At once: whoever looks in between would see samples that nobody counted.
+        self.board.update(|shown| {
+            shown.take_block(samples, &judged, arrival);
+            (shown.state.counts, shown.state.temperature_c) = (counts, temperature_c);
+        });
         self.rest(session, &judged)?;
         let lines = self.monitor.as_mut().map(|monitor| monitor.take(judged)).unwrap_or_default();
         let newest_s = samples.device_time_s(samples.counts.len().saturating_sub(1));
         let taken = session.moment(newest_s).filter(|_| !session.is_recorded());
         let latency = taken.map(|taken| Instant::now().saturating_duration_since(taken).as_secs_f64());
-        let (counts, temperature_c) = (session.counts(), session.temperature_c());
         self.board.update(|shown| {
             shown.take_lines(&lines, samples.period_us);
-            (shown.state.counts, shown.state.temperature_c) = (counts, temperature_c);
             latency.into_iter().for_each(|latency| shown.take_latency(latency));
             if let Some(recording) = &mut shown.state.recording {
                 recording.goes_on = recording::goes_on();
