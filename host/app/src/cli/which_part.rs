@@ -165,11 +165,15 @@ impl Arguments {
                 return Err(miette::miette!(help = help, "{} is given twice", path.display()));
             }
             let supports = read_beside(path, PolygonFile::parse_supports_beside)?;
-            for (_, file) in &supports {
+            // Of hundreds nobody reads this.
+            for (_, file) in supports.iter().filter(|_| self.library.is_none()) {
                 tell_part(path, file.part.polygon().vertices(), file.part.body(), &file.doubts());
             }
             let supports = supports.into_iter();
             all.extend(supports.map(|(support, file)| Candidate { path: path.clone(), support, file }));
+        }
+        if let Some(folder) = &self.library {
+            note!("{} parts in {}", parts.len(), folder.display());
         }
         Ok(all)
     }

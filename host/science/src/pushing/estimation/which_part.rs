@@ -61,7 +61,7 @@ impl Shortlist {
     pub fn of(parts: &[KnownFromRest], felt: &WindowedForce, mut done: impl FnMut(usize, usize)) -> Self {
         let mut kept: Vec<(usize, Option<Look>)> = (0..parts.len()).map(|part| (part, None)).collect();
         let mut left_out = Vec::new();
-        for limit in Self::MISFIT_MAX {
+        for _ in 0..Look::COUNT {
             let count = kept.len();
             for (number, (part, look)) in kept.iter_mut().enumerate() {
                 done(number, count);
@@ -72,7 +72,7 @@ impl Shortlist {
                 });
             }
             let misfits: Vec<_> = kept.iter().filter_map(|(_, look)| Some(look.as_ref()?.misfit)).collect();
-            let list = Self::new(&misfits, limit);
+            let list = Self::new(&misfits);
             left_out.extend(list.left_out.iter().map(|&(place, misfit)| (kept[place].0, misfit)));
             kept = list.kept.iter().map(|&place| kept[place].clone()).collect();
             if kept.len() <= Self::KEPT_MIN {
@@ -83,20 +83,20 @@ impl Shortlist {
         Self { kept: kept.into_iter().map(|(part, _)| part).collect(), left_out }
     }
 
-    /// Misfit of a part that is left out at least, at each look. Of a library of 500 parts, the three pushed by a simulated finger
-    /// were at 0.03 to 0.55, others at the first look at 5 to 80 in the median, at the second at some dozens: this leaves room for a
-    /// grid that passes between two places.
-    pub const MISFIT_MAX: [f64; Look::COUNT] = [3.0, 10.0, 10.0];
+    /// Misfit of a part that is left out at least. Of a library of 500 parts, each of nine pushed by a simulated finger was at 0.03 to
+    /// 0.55 at whichever look, others at the first look at 5 to 80 in the median, at the second at some dozens: this leaves room
+    /// for a grid that passes between two places.
+    pub const MISFIT_MAX: f64 = 3.0;
 
     /// So many of the nearest are kept in any case: where nothing explains the push, a person wants to know what comes nearest.
     pub const KEPT_MIN: usize = 3;
 
-    /// The list for parts of these misfits, of which those below a limit are near.
+    /// The list for parts of these misfits.
     #[must_use]
-    pub fn new(misfits: &[f64], limit: f64) -> Self {
+    pub fn new(misfits: &[f64]) -> Self {
         let mut ranked: Vec<_> = misfits.iter().copied().enumerate().collect();
         ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
-        let near = ranked.iter().filter(|(_, misfit)| *misfit <= limit).count();
+        let near = ranked.iter().filter(|(_, misfit)| *misfit <= Self::MISFIT_MAX).count();
         let left_out = ranked.split_off(near.max(Self::KEPT_MIN).min(ranked.len()));
         Self { kept: ranked.into_iter().map(|(part, _)| part).collect(), left_out }
     }
@@ -355,18 +355,17 @@ mod tests {
     proptest! {
         #[test]
         fn a_shortlist_has_each_part_once_and_all_that_come_near(misfits in prop::collection::vec(0.1_f64..1e3, 0..40)) {
-            let limit = Shortlist::MISFIT_MAX[1];
-            let Shortlist { kept, left_out } = Shortlist::new(&misfits, limit);
+            let Shortlist { kept, left_out } = Shortlist::new(&misfits);
             let mut all: Vec<_> = kept.iter().copied().chain(left_out.iter().map(|(part, _)| *part)).collect();
             prop_assert!(all.iter().map(|&part| misfits[part]).is_sorted(), "{:?} {:?}", kept, left_out);
             all.sort_unstable();
             prop_assert_eq!(all, (0..misfits.len()).collect::<Vec<_>>());
             let is_far = |&(part, misfit): &(usize, f64)| {
-                misfit.total_cmp(&misfits[part]).is_eq() && misfit > limit
+                misfit.total_cmp(&misfits[part]).is_eq() && misfit > Shortlist::MISFIT_MAX
             };
             prop_assert!(left_out.iter().all(is_far));
             let few = kept.len() <= Shortlist::KEPT_MIN;
-            prop_assert!(few || kept.iter().all(|&part| misfits[part] <= limit));
+            prop_assert!(few || kept.iter().all(|&part| misfits[part] <= Shortlist::MISFIT_MAX));
             prop_assert!(kept.len() >= misfits.len().min(Shortlist::KEPT_MIN));
         }
     }
