@@ -26,7 +26,7 @@ use crate::width::folded;
 /// Takes the files of `palpate observe` and several part files, or with --library a folder of them. A part file may list several
 /// supports (`[[support]]`, with a name and feet each) instead of `feet`: then what the part stands on is named too. Every
 /// part is as likely beforehand; how likely it is none of them is told beside, by how well the best one fits. Of a folder
-/// only the parts are searched that come near at a few looks; it is told which are left out.
+/// only the parts are searched that come near after a few steps; it is told which are left out.
 ///
 /// Exit status: 0, also where no part explains the force; 1 if something cannot be used, 3 if samples of the push were no
 /// measurements (saturated, stuck, settling) or the device started anew, 64 wrong command line.
@@ -36,7 +36,7 @@ pub(crate) struct Arguments {
     #[arg(long = "part", value_name = "PART.toml", required_unless_present = "library")]
     parts: Vec<PathBuf>,
 
-    /// A folder of part files: whatever ends in .toml. Hundreds take a minute
+    /// A folder of part files: whatever ends in .toml. Each part takes some seconds
     #[arg(long, value_name = "DIR", conflicts_with = "parts")]
     library: Option<PathBuf>,
 
@@ -88,8 +88,8 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     if let Some(&(nearest, misfit)) = shortlist.left_out.first() {
         let (left_out, all) = (shortlist.left_out.len(), candidates.len());
         let words = format!(
-            "Left out are {left_out} of {all} parts, none of which comes near at a few looks: at the last look at it each \
-             misfits at least {misfit:.0} times as badly as noise allows (the nearest is {}).",
+            "Left out are {left_out} of {all} parts, none of which comes near after a few steps: they misfit at least \
+             {misfit:.0} times as badly as noise allows ({}).",
             candidates[nearest]
         );
         say!("{}", folded(&words));
@@ -149,8 +149,15 @@ impl Arguments {
             return Shortlist { kept: (0..candidates.len()).collect(), left_out: Vec::new() };
         }
         let _progress = Progress::begin("looking which parts come near");
-        let known: Vec<_> = candidates.iter().map(|candidate| push.known(&candidate.file)).collect();
-        Shortlist::of(&known, force, |done, count| progress::reached(done as u64, count as u64, "parts"))
+        let misfits: Vec<_> = candidates
+            .iter()
+            .zip(0..)
+            .map(|(candidate, done)| {
+                progress::reached(done, candidates.len() as u64, &candidate.to_string());
+                from_rest::coarse_misfit(&push.known(&candidate.file), force)
+            })
+            .collect();
+        Shortlist::new(&misfits)
     }
 
     fn candidates(&self) -> miette::Result<Vec<Candidate>> {

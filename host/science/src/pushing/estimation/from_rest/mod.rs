@@ -33,7 +33,6 @@ mod felt;
 mod fit;
 mod friction_along;
 pub mod hann_windows;
-mod looks;
 pub mod misfit;
 mod model;
 mod moving_seeds;
@@ -56,7 +55,6 @@ pub use explained::ExplainedForce;
 use felt::Felt as _;
 use fit::{MU_C_MIN, Problem, Tried};
 use friction_along::FrictionAlong;
-pub use looks::Look;
 use model::range;
 use numbers::{NUMBERED_LEADS, NumberedMinimum, Unknown};
 pub use part_errors::PartErrors;
@@ -243,6 +241,20 @@ fn starts(problem: &Problem, edges: &[usize], cover: Cover, halt: &Halt<'_>) -> 
         CourseStart::Moving => moving_seeds::on_edge(problem, edge, cover),
     });
     starts.collect()
+}
+
+/// How far a part is from explaining what was felt, as far as the first steps from guesses all over it tell: the least cost
+/// over the largest that noise leaves once in a thousand times. Its minima are lower; [`Shortlist`](super::Shortlist) says by how much.
+#[must_use]
+pub fn coarse_misfit(known: &KnownFromRest, measured: &WindowedForce) -> f64 {
+    let halt = &Halt::new(&never);
+    let edges = symmetry::distinct(known.part, symmetry::order(known.part));
+    let measured = measured.of_contact(known.motion, known.finger);
+    // What is not known of the part counts as noise.
+    let measured = known.errors.map_or(measured.clone(), |errors| measured.roughly(errors.share(known.part)));
+    let problem = Problem { course: &course(known, &measured), measured: &measured, mass: None };
+    let begun = begin_all(&problem, starts(&problem, &edges, Cover::Coarse, halt), halt);
+    least_cost(&begun) / misfit_limit(measured.data().len(), measured.freedom())
 }
 
 /// The best minima that may be listed, or lead to one that is: no two nearer than those that are one in an answer.
@@ -434,13 +446,19 @@ fn course<'p>(known: &KnownFromRest<'p>, measured: &WindowedForce) -> Course<'p>
 /// Goes down from every start, giving up what stays far above the best. Only what came to its minimum before the wish
 /// to halt is kept.
 fn descend_all(problem: &Problem, starts: Vec<Tried>, halt: &Halt<'_>) -> Vec<Tried> {
+    let tried = begin_all(problem, starts, halt).into_iter().take_while(|_| !halt.is_wished());
+    tried.map(|tried| problem.descend(tried, usize::MAX)).collect()
+}
+
+/// The first steps of that, after which what is left is worth being followed.
+fn begin_all(problem: &Problem, starts: Vec<Tried>, halt: &Halt<'_>) -> Vec<Tried> {
     let mut tried = hopeful(starts, HOPELESS_AT_FIRST);
     for (steps, hopeless) in STAGES {
         let going = tried.into_iter().take_while(|_| !halt.is_wished());
         let gone: Vec<_> = going.map(|tried| problem.descend(tried, steps)).collect();
         tried = apart(problem, hopeful(gone, hopeless));
     }
-    tried.into_iter().take_while(|_| !halt.is_wished()).map(|tried| problem.descend(tried, usize::MAX)).collect()
+    tried
 }
 
 /// Those that are not so many times dearer than the best.

@@ -45,8 +45,6 @@ const TURNS_NEAR: f64 = 0.1;
 pub(super) enum Cover {
     /// Enough for nearly all pushes.
     Coarse,
-    /// A third of the places and frictions: for a first look at one of many parts.
-    Wide,
     /// Twice as many places and frictions: for the force that nothing explains so far, though nearly.
     Fine,
 }
@@ -55,7 +53,6 @@ impl Cover {
     fn spacing(self) -> f64 {
         match self {
             Self::Coarse => SPACING,
-            Self::Wide => 3.0 * SPACING,
             Self::Fine => 0.5 * SPACING,
         }
     }
@@ -63,7 +60,6 @@ impl Cover {
     fn places(self) -> (usize, usize) {
         match self {
             Self::Coarse => PLACES,
-            Self::Wide => (PLACES.0 / 2, PLACES.1 / 3),
             Self::Fine => (2 * PLACES.0, 2 * PLACES.1),
         }
     }
@@ -72,7 +68,6 @@ impl Cover {
     fn frictions(self) -> Vec<f64> {
         match self {
             Self::Coarse => FRICTIONS.to_vec(),
-            Self::Wide => FRICTIONS.into_iter().skip(1).step_by(3).collect(),
             Self::Fine => {
                 let between = FRICTIONS.windows(2).flat_map(|pair| [pair[0], (pair[0] * pair[1]).sqrt()]);
                 [MU_C_MIN, (MU_C_MIN * FRICTIONS[0]).sqrt()].into_iter().chain(between).chain([0.8]).collect()

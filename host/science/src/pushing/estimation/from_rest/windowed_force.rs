@@ -313,24 +313,6 @@ impl WindowedForce {
         }
     }
 
-    /// The same up to so many windows. Roughly, readings no further apart than forces are spread count as a continuum, and the
-    /// onset is where it was taken for.
-    pub(super) fn beginning(&self, windows: usize, is_rough: bool) -> Self {
-        let span = windows.min(self.span());
-        let forces_finger = self.forces_finger[..span].to_vec();
-        let size = 2 * forces_finger.iter().flatten().count();
-        let readings = self.readings.clone().filter(|readings| !is_rough || readings.period > JUMP_S);
-        // The whitener is lower triangular: that of the first windows is its first corner.
-        Self {
-            data: self.data.rows(0, size).into(),
-            whitener: self.whitener.view((0, 0), (size, size)).into(),
-            beside: self.beside.iter().map(|beside| beside.rows(0, size).into()).collect(),
-            forces_finger,
-            readings,
-            ..self.clone()
-        }
-    }
-
     /// The same for a search that does not find what a model is off by: noise is more by a share of the force.
     pub(super) fn roughly(&self, share: f64) -> Self {
         let deviations = (self.data.norm_squared() / self.data.len() as f64).sqrt();
