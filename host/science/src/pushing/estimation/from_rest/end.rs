@@ -13,8 +13,9 @@ use nalgebra::{
 };
 
 use super::fit::{COLUMNS, DELAY, MU_C, MU_G, PARAMETERS, Problem, SHARE_OF_SD, Tried, beside, spread};
+use super::numbers::NumberedMinimum;
 use super::path::{Course, Guess, Path};
-use super::valley::Valley;
+use super::valley::{Valley, change};
 use crate::math::unscented::Gaussian;
 use crate::pushing::dynamics::State;
 
@@ -76,10 +77,35 @@ pub(super) struct EndCovariance {
     pub(super) resistance_log_sd: f64,
 }
 
+/// How far a minimum reaches is seen.
+#[derive(Clone, Copy)]
+pub(super) enum Reach<'a> {
+    /// By slopes.
+    Slopes,
+    /// By them, and along a valley that bends, which takes as long as the fit.
+    Valley,
+    /// By minima of what might have been felt instead.
+    Redrawn(&'a [NumberedMinimum]),
+}
+
+/// What slopes say counts as so many samples.
+const SLOPES_COUNT: f64 = 4.0;
+
+/// Second moments about a minimum, of samples and of what slopes say. Few samples tell a covariance in which a truth is further
+/// off than on average (Wishart): the slopes' share is added to theirs for that.
+fn sampled<const N: usize>(
+    slopes: SMatrix<f64, N, N>,
+    samples: impl Iterator<Item = SVector<f64, N>>,
+) -> SMatrix<f64, N, N> {
+    let (sum, count) =
+        samples.fold((SMatrix::zeros(), 0.0), |(sum, count), off| (sum + off * off.transpose(), count + 1.0));
+    if count < SLOPES_COUNT { slopes } else { (slopes * SLOPES_COUNT + sum) / count }
+}
+
 impl<'p> Problem<'_, 'p> {
     /// What is uncertain at the end, everything that is not known included: parameters, part, motion, and what adds to the
-    /// force. A valley that bends is walked along if wished: it takes as long as the fit.
-    pub(super) fn end_covariance(&self, at: &Tried, is_walked: bool) -> Option<EndCovariance> {
+    /// force; how far the minimum reaches being seen as `reach` says.
+    pub(super) fn end_covariance(&self, at: &Tried, reach: Reach<'_>) -> Option<EndCovariance> {
         let course = self.course.sure();
         let end = End::of(&course, &at.guess, &at.path)?;
         let to = |course: &Course<'p>, guess: &Guess, path: &Path| Some(end.to(&End::of(course, guess, path)?));
@@ -90,7 +116,10 @@ impl<'p> Problem<'_, 'p> {
         let mut said = of_end.covariance;
         // What the surface of poses bends by along all directions but the valley's, which is followed there.
         let mut straight = said;
-        let valley = if is_walked { Valley::through(self, at, &parameters, &of_end.of_state()) } else { None };
+        let valley = match reach {
+            Reach::Valley => Valley::through(self, at, &parameters, &of_end.of_state()),
+            Reach::Slopes | Reach::Redrawn(_) => None,
+        };
         if let Some(valley) = valley {
             all = valley.covered(all, valley.straight, |place| Some(place.parameters));
             let taken = self.taken_of_nuisances(at);
@@ -107,6 +136,14 @@ impl<'p> Problem<'_, 'p> {
         let [u, s, ..] = STATE;
         let contact = Matrix2::new(straight[(u, u)], straight[(u, s)], straight[(s, u)], straight[(s, s)]);
         said.fixed_view_mut::<3, 3>(0, 0).add_assign(&self.bent_away(at, &contact)?);
+        if let Reach::Redrawn(samples) = reach {
+            let told = |sample: &NumberedMinimum| {
+                let course = sample.numbered.course(self.course);
+                Some(end.to(&End::of(&course, &sample.tried.guess, &sample.tried.path)?))
+            };
+            all = sampled(all, samples.iter().map(|sample| change(at, &sample.tried)));
+            said = sampled(said, samples.iter().filter_map(told));
+        }
         let deviation = |parameter: usize| all[(parameter, parameter)].max(0.0).sqrt();
         let (mu_g_log_sd, mass_log_sd) = (deviation(MU_G), deviation(PARAMETERS));
         // Variance of ln(µ g) + ln m, which a slow push feels as one number.

@@ -10,6 +10,7 @@ use std::fmt::Debug;
 use nalgebra::{DMatrix, DVector, Vector2};
 
 use super::path::Path;
+use crate::math::random::Draw;
 use crate::pushing::finger_motion::Leg;
 
 /// Force that was felt over a push.
@@ -108,9 +109,17 @@ impl Predicted {
         Self { shape, unsure: Vec::new(), numbers: Vec::new(), beside: Vec::new() }
     }
 
-    /// What is unsure about it, for a mass, in standard deviations: jumps, then [`Self::nuisances`].
+    /// The same in deviations of noise so many times as large.
+    pub(super) fn with_noise(self, times: f64) -> Self {
+        let less = |columns: Vec<DVector<f64>>| columns.into_iter().map(|column| column / times).collect();
+        Self { shape: self.shape / times, unsure: less(self.unsure), beside: less(self.beside), ..self }
+    }
+
+    /// What is unsure about it, for a mass, in standard deviations: jumps, then those of [`Self::nuisances`] that change
+    /// anything.
     fn unsure_at(&self, mass: f64) -> Option<DMatrix<f64>> {
-        let columns: Vec<_> = self.unsure.iter().map(|sd| sd * mass).chain(self.nuisances(mass)).collect();
+        let columns = self.unsure.iter().map(|sd| sd * mass).chain(self.nuisances(mass));
+        let columns: Vec<_> = columns.filter(|column| column.iter().any(|value| *value != 0.0)).collect();
         (!columns.is_empty()).then(|| DMatrix::from_columns(&columns))
     }
 
@@ -118,6 +127,14 @@ impl Predicted {
     /// does.
     pub(super) fn nuisances(&self, mass: f64) -> impl Iterator<Item = DVector<f64>> + '_ {
         self.numbers.iter().map(move |number| number.at(mass)).chain(self.beside.iter().cloned())
+    }
+
+    /// How what is felt of a push may differ from one time to another: noise, and what is unsure whatever the numbers are, drawn
+    /// by their standard deviations.
+    pub(super) fn redrawn(&self, mass: f64, values: usize, draw: &mut Draw) -> DVector<f64> {
+        let noise = DVector::from_fn(values, |_, _| draw.normal());
+        let unsure = self.unsure.iter().map(|sd| sd * mass).chain(self.beside.iter().cloned());
+        unsure.fold(noise, |sum, sd| sum + sd * draw.normal())
     }
 
     /// The mass, where it is not known the best, and the best of all that is unsure, each of which costs its square in

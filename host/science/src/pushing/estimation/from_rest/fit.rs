@@ -108,6 +108,9 @@ pub(super) const SLIDE_MIN: f64 = 1e-6;
 /// onset's.
 const PENALTIES: usize = 4;
 
+/// A contact that rolls although that takes nearly the largest friction is not excluded.
+const ROLLING_SHARE_MIN: f64 = 1e-3;
+
 /// Where among them the onset's is.
 const DELAY_PENALTY: usize = 3;
 
@@ -178,7 +181,9 @@ impl<'p> Problem<'_, 'p> {
     fn try_path(&self, guess: Guess, path: Path) -> Option<Tried> {
         let [s_min, s_max] = range(&self.course.side(guess.edge)?);
         let mut predicted = self.measured.predicted(&path, guess.delay);
-        predicted.numbers = self.of_numbers(&guess, &path, &predicted);
+        if !self.course.changed.is_empty() {
+            predicted.numbers = self.of_numbers(&guess, &path, &predicted);
+        }
         let compared = predicted.compared(self.measured.data(), self.mass);
         let Compared { mass, rest, .. } = compared;
         if mass.is_nan() || mass <= 0.0 {
@@ -389,6 +394,30 @@ impl Problem<'_, '_> {
         at.predicted.beside.first().map_or(0.0, |column| column.dot(&at.rest))
     }
 
+    /// By how much the volume of what is likely about a minimum makes it likelier, up to what all minima share (Laplace's
+    /// approximation): of all that is found, with the share of µ_c's range where the contact rolls, and of what is not known of part
+    /// and motion.
+    pub(super) fn evidence(&self, at: &Tried) -> Option<f64> {
+        let covariance = self.covariance(at)?;
+        let free: Vec<_> = (0..COLUMNS).filter(|&i| covariance[(i, i)] > 0.0).collect();
+        let of_found = DMatrix::from_fn(free.len(), free.len(), |row, column| covariance[(free[row], free[column])]);
+        let nuisances: Vec<_> = at.predicted.nuisances(at.mass).collect();
+        let of_unknown = if nuisances.is_empty() {
+            1.0
+        } else {
+            let columns = DMatrix::from_columns(&nuisances);
+            root_of_determinant(columns.tr_mul(&columns) + DMatrix::identity(columns.ncols(), columns.ncols()))?
+        };
+        let range = MU_C_MAX - MU_C_MIN;
+        let of_mu_c = match (self.course.mu_c, at.path.slipped) {
+            (Some(_), _) => 1.0,
+            (None, true) => TAU.sqrt() / range,
+            (None, false) => ((MU_C_MAX - at.path.friction_needed) / range).max(ROLLING_SHARE_MIN),
+        };
+        let of_slide = if at.guess.slide == 0.0 { 1.0 } else { TAU.sqrt() / (2.0 * SLIDE_MAX) };
+        Some(root_of_determinant(of_found)? / of_unknown * of_mu_c * of_slide)
+    }
+
     /// Square root of the determinant of the covariance of contact angle and place at the start.
     pub(super) fn spread(&self, at: &Tried) -> Option<f64> {
         self.spread_near(at, f64::INFINITY)
@@ -426,6 +455,11 @@ impl least_squares::LeastSquaresProblem<COLUMNS> for Problem<'_, '_> {
         guess.delay = guess.delay.clamp(-latest, latest);
         self.try_guess(guess)
     }
+}
+
+/// Of a positive definite matrix, from its factor: the determinant itself may be too small for a number.
+fn root_of_determinant(of: DMatrix<f64>) -> Option<f64> {
+    Some(of.cholesky()?.l_dirty().diagonal().iter().map(|it| it.ln()).sum::<f64>().exp())
 }
 
 /// Square root of the determinant of a covariance of contact angle and place; what is held counts as one.

@@ -6,10 +6,10 @@
 //! Units: m along the edge from its foot below the centre of mass; logarithms. Errors: none.
 
 /// From knot to knot, m: as far as a smear, a scratch or the grain of a cut face goes on.
-const KNOTS_APART_M: f64 = 5e-3;
+const KNOTS_APART_M: f64 = 1.5e-3;
 
 /// Most knots of an edge: of longer ones they are further apart.
-const KNOTS_MAX: f64 = 24.0;
+const KNOTS_MAX: f64 = 48.0;
 
 /// By what µ_c at a place differs from that of a guess; the default is nowhere.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,7 +26,7 @@ impl FrictionAlong {
     pub(super) fn constant(from: f64, to: f64) -> Self {
         let length = to - from;
         let stretches = (length / KNOTS_APART_M).ceil().clamp(1.0, KNOTS_MAX - 1.0);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 1 and 23")]
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 1 and 47")]
         let knots = stretches as usize + 1;
         Self { from, apart: length / stretches, logs: vec![0.0; knots] }
     }

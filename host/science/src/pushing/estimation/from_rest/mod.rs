@@ -48,15 +48,17 @@ mod valley;
 pub mod watch;
 pub mod windowed_force;
 
+use std::collections::BTreeMap;
+
 use nalgebra::Translation2;
 
-use end::EndCovariance;
+use end::{EndCovariance, Reach};
 pub use explained::ExplainedForce;
 use felt::Felt as _;
 use fit::{MU_C_MIN, Problem, Tried};
 use friction_along::FrictionAlong;
 use model::range;
-use numbers::{NUMBERED_LEADS, NumberedMinimum, Unknown};
+use numbers::{NUMBERED_LEADS, NumberedMinimum, Unknown, redrawn_of};
 pub use part_errors::PartErrors;
 use path::{Course, CourseStart, Guess};
 use seeds::Cover;
@@ -168,7 +170,7 @@ fn halting_estimate(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt
         let problem = Problem { course: &course, measured, mass: None };
         let mut tried = search(&problem, &edges, halt);
         tried.retain(|tried| is_possible(&problem, tried));
-        leads_of_edges(&tried, NUMBERED_LEADS).into_iter().map(|lead| lead.guess)
+        leads_of_edges(known.part, &tried, NUMBERED_LEADS).into_iter().map(|lead| lead.guess)
     };
     let leads = found(measured).chain(found(&roughly));
     let part_unknown = PartUnknown { errors, course: &course, roughly: &roughly, measured };
@@ -187,7 +189,7 @@ struct PartUnknown<'a, 'p> {
 impl PartUnknown<'_, '_> {
     /// What guesses lead to with the part's numbers found too.
     fn estimate(&self, guesses: impl Iterator<Item = Guess>, symmetry: usize, halt: &Halt<'_>) -> Estimate {
-        let measured = &self.measured.and_drift(self.errors.left_share());
+        let measured = &self.measured.roughly(self.errors.fast_share()).and_drift(self.errors.left_share());
         let unknown = Unknown {
             course: self.course,
             mass: None,
@@ -197,9 +199,10 @@ impl PartUnknown<'_, '_> {
         };
         let limit = misfit_limit(measured.data().len(), measured.freedom());
         let explains = |tried: &Tried| tried.cost <= limit;
-        let wanted = guesses.take_while(|_| !halt.is_wished());
+        let starts: Vec<_> = guesses.collect();
+        let wanted = starts.iter().copied().take_while(|_| !halt.is_wished());
         let mut found: Vec<_> =
-            wanted.filter_map(|guess| unknown.found(guess, measured, self.roughly, explains, halt)).collect();
+            wanted.filter_map(|guess| unknown.found(guess, measured, self.roughly, explains, false, halt)).collect();
         let with_problem = |found: &NumberedMinimum, of: &mut dyn FnMut(&Problem)| {
             let course = found.numbered.course(self.course);
             of(&Problem { course: &course, measured, mass: None });
@@ -209,9 +212,13 @@ impl PartUnknown<'_, '_> {
             with_problem(found, &mut |problem| is = is_possible(problem, &found.tried));
             is
         });
-        let said = |found: &NumberedMinimum, best: f64, excess: f64, is_walked: bool| {
+        let edges: Vec<_> = found.iter().map(|found| found.tried.guess.edge).collect();
+        let of_edge = |edge: usize| edges.iter().filter(|of| **of == edge).count();
+        let said = |found: &NumberedMinimum, best: f64, excess: f64, _| {
+            let redrawn = unknown.redrawn(found, measured, &starts, redrawn_of(of_edge(found.tried.guess.edge)), halt);
+            let reach = Reach::Redrawn(&redrawn);
             let mut said = None;
-            with_problem(found, &mut |problem| said = hypothesis(problem, &found.tried, best, excess, is_walked));
+            with_problem(found, &mut |problem| said = hypothesis(problem, &found.tried, best, excess, reach));
             said
         };
         conclude_of(&Problem { course: self.course, measured, mass: None }, found, |found| &found.tried, said, symmetry)
@@ -281,23 +288,47 @@ fn ranked_leads(tried: &[Tried]) -> Vec<(usize, Tried)> {
     ranked
 }
 
-/// As many of them, the best of every edge before the second of any, and pieces of one valley last: what is not known of
-/// the part may make another edge's the lowest in the end, or another valley's. The best first.
-fn leads_of_edges(tried: &[Tried], count: usize) -> Vec<Tried> {
-    let leads = leads(tried, usize::MAX);
-    let is_piece = |index: usize| leads[..index].iter().any(|better| is_one_valley(better, &leads[index]));
-    let is_beside = |index: usize, other: usize| leads[index].guess.edge == leads[other].guess.edge;
-    let pieces: Vec<_> = (0..leads.len()).map(is_piece).collect();
-    let rank = |&index: &usize| {
-        let before = (0..index).filter(|&other| is_beside(index, other) && pieces[other] == pieces[index]);
-        (pieces[index], before.count())
-    };
-    let mut chosen: Vec<_> = (0..leads.len()).collect();
-    chosen.sort_by_cached_key(rank);
-    chosen.truncate(count);
-    chosen.sort_unstable();
-    chosen.into_iter().map(|index| leads[index].clone()).collect()
+/// As many of them, those of every edge in turn: what is not known of the part may make another edge's the lowest in the end,
+/// or another valley's. Of an edge first the best, then of all that explain as well what is farthest from those chosen, so
+/// that a long flat valley is seen from end to end; then the others, pieces of one valley last.
+fn leads_of_edges(part: &Part, tried: &[Tried], count: usize) -> Vec<Tried> {
+    let arm = part.inertia_per_mass().sqrt();
+    let mut of_edges: BTreeMap<usize, Vec<Tried>> = BTreeMap::new();
+    for lead in leads(tried, usize::MAX) {
+        of_edges.entry(lead.guess.edge).or_default().push(lead);
+    }
+    let ordered = of_edges.into_values().flat_map(|leads| spread_out(leads, arm).into_iter().enumerate());
+    let mut ordered: Vec<_> = ordered.collect();
+    ordered
+        .sort_by(|(place, lead), (other_place, other)| place.cmp(other_place).then(lead.cost.total_cmp(&other.cost)));
+    ordered.into_iter().take(count).map(|(_, lead)| lead).collect()
 }
+
+/// The leads of one edge, the best first, in that order.
+fn spread_out(mut leads: Vec<Tried>, arm: f64) -> Vec<Tried> {
+    let others = leads.split_off(leads.partition_point(|lead| lead.cost <= leads[0].cost + ALIKE_COST));
+    let apart = |one: &Tried, other: &Tried| {
+        ((one.path.end.u - other.path.end.u) * arm).hypot(one.path.end.s - other.path.end.s)
+    };
+    let mut alike = leads;
+    let mut ordered = vec![alike.remove(0)];
+    while !alike.is_empty() {
+        let nearest = |lead: &Tried| ordered.iter().map(|chosen| apart(chosen, lead)).fold(f64::INFINITY, f64::min);
+        let far: Vec<_> = alike.iter().map(nearest).collect();
+        let farthest = (0..far.len()).max_by(|&a, &b| far[a].total_cmp(&far[b])).unwrap_or_default();
+        ordered.push(alike.swap_remove(farthest));
+    }
+    let is_piece = |index: usize| ordered.iter().chain(&others[..index]).any(|it| is_one_valley(it, &others[index]));
+    let pieces: Vec<_> = (0..others.len()).map(is_piece).collect();
+    let of =
+        |wanted: bool| others.iter().zip(&pieces).filter(move |(_, is)| **is == wanted).map(|(lead, _)| lead.clone());
+    let others: Vec<_> = of(false).chain(of(true)).collect();
+    ordered.into_iter().chain(others).collect()
+}
+
+/// Costs with what is not known taken for noise that differ by less say nothing: less than half a standard deviation of noise that
+/// is several times too large.
+const ALIKE_COST: f64 = 1.0;
 
 /// Whether two minima end as near as numbers of the part take them, the contact slipping in both or in neither.
 fn is_one_valley(one: &Tried, other: &Tried) -> bool {
@@ -499,7 +530,7 @@ const WALKED_MAX: usize = 12;
 fn conclude(problem: &Problem, mut tried: Vec<Tried>, symmetry: usize) -> Estimate {
     tried.retain(|tried| is_possible(problem, tried));
     let said =
-        |tried: &Tried, best: f64, excess: f64, is_walked: bool| hypothesis(problem, tried, best, excess, is_walked);
+        |tried: &Tried, best: f64, excess: f64, reach: Reach<'_>| hypothesis(problem, tried, best, excess, reach);
     conclude_of(problem, tried, |tried| tried, said, symmetry)
 }
 
@@ -509,7 +540,7 @@ fn conclude_of<M>(
     problem: &Problem,
     mut minima: Vec<M>,
     tried: impl Fn(&M) -> &Tried,
-    said: impl Fn(&M, f64, f64, bool) -> Option<Hypothesis>,
+    said: impl Fn(&M, f64, f64, Reach<'static>) -> Option<Hypothesis>,
     symmetry: usize,
 ) -> Estimate {
     let duration = problem.course.duration;
@@ -522,11 +553,9 @@ fn conclude_of<M>(
         Some(best) if best <= cost_max => distinct(minima, best + GATE * excess, &tried),
         _ => Vec::new(),
     };
-    let is_walked = listed.len() <= WALKED_MAX;
-    let mut hypotheses: Vec<_> = listed
-        .iter()
-        .filter_map(|minimum| said(minimum, best.unwrap_or(tried(minimum).cost), excess, is_walked))
-        .collect();
+    let reach = if listed.len() <= WALKED_MAX { Reach::Valley } else { Reach::Slopes };
+    let mut hypotheses: Vec<_> =
+        listed.iter().filter_map(|minimum| said(minimum, best.unwrap_or(tried(minimum).cost), excess, reach)).collect();
     let total: f64 = hypotheses.iter().map(|hypothesis| hypothesis.probability).sum();
     hypotheses.iter_mut().for_each(|hypothesis| hypothesis.probability /= total);
     let mut hypotheses = joined(hypotheses, SAME_PLACE);
@@ -579,8 +608,8 @@ fn guess(hypothesis: &Hypothesis, course: &Course) -> Guess {
     Guess { edge: hypothesis.side, u: start.u, s: start.s, mu_c, mu_g_log, ..Guess::AT_REST }
 }
 
-fn hypothesis(problem: &Problem, tried: &Tried, best: f64, excess: f64, is_walked: bool) -> Option<Hypothesis> {
-    let at_end = problem.end_covariance(tried, is_walked)?;
+fn hypothesis(problem: &Problem, tried: &Tried, best: f64, excess: f64, reach: Reach<'_>) -> Option<Hypothesis> {
+    let at_end = problem.end_covariance(tried, reach)?;
     let EndCovariance { pose: covariance, state: state_covariance, spread, .. } = at_end;
     let Tried { guess, path, mass, cost, .. } = tried;
     let mu_c = path.slipped.then_some(guess.mu_c);

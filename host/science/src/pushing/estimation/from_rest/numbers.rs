@@ -5,21 +5,41 @@
 //!
 //! Units: SI. Errors: none; an outline whose edges cross has no fit.
 
-use super::felt::{Felt, NumberOff};
+use nalgebra::{DVector, Vector2};
+
+use super::GATE;
+use super::felt::{Felt, NumberOff, OfNumber, Predicted};
 use super::fit::{Problem, SHARE_OF_SD, Tried};
 use super::friction_along::FrictionAlong;
 use super::model::sought;
 use super::part_errors::PartErrors;
-use super::path::{Changed, Course, Guess};
+use super::path::{Changed, Course, Guess, Path};
+use crate::math::random::Draw;
 use crate::pushing::dynamics::Part;
 use crate::pushing::finger_motion::Leg;
 use crate::search::Halt;
 
-/// Fits in which numbers are found.
-const FITS: usize = 12;
+/// How long a minimum is sought.
+#[derive(Clone, Copy)]
+struct Effort {
+    /// Fits in which numbers are found.
+    fits: usize,
+    /// Steps of each.
+    steps: usize,
+}
 
-/// Of them at the most those in which what the numbers change is noise, too.
-const FITS_ROUGHLY: usize = 4;
+/// Of what is listed.
+const EFFORT: Effort = Effort { fits: 12, steps: usize::MAX };
+
+/// Of one of many samples, which may stop within a fraction of a deviation of its minimum.
+const REDRAWN_EFFORT: Effort = Effort { fits: 3, steps: 6 };
+
+/// Of what only leads there, at the most.
+const FITS_BEFORE: usize = 3;
+
+/// Where numbers are far from what they are told, straight lines lead past the minimum: noise so many times as large lets them
+/// come near step by step.
+const NOISIER: [f64; 3] = [16.0, 6.0, 2.5];
 
 /// A fit that changes the cost by less is the last.
 const COST_STEP: f64 = 0.01;
@@ -72,6 +92,115 @@ impl Numbered {
     }
 }
 
+/// Where a fit begins that finds numbers too, all of them in standard deviations.
+struct NumberedGuess {
+    guess: Guess,
+    /// How far each number is off what is told.
+    off: Vec<f64>,
+    /// How far it is off in what was felt, from which what the finger carries is taken.
+    felt_off: Vec<f64>,
+    /// Where its prior is.
+    prior: Vec<f64>,
+}
+
+/// Minima of what might have been felt instead, of those that are listed of an edge.
+const REDRAWN: usize = 12;
+
+/// Of each of them at the least.
+const REDRAWN_MIN: usize = 4;
+
+/// How many of each, where so many of an edge are listed: these are samples of it themselves.
+pub(super) const fn redrawn_of(listed_of_edge: usize) -> usize {
+    let each = if listed_of_edge > 1 { REDRAWN / listed_of_edge } else { REDRAWN };
+    if each > REDRAWN_MIN { each } else { REDRAWN_MIN }
+}
+
+/// What was felt, with what numbers change of every guess held.
+#[derive(Debug)]
+struct HeldNumbers<'a> {
+    felt: &'a dyn Felt,
+    numbers: Vec<OfNumber>,
+}
+
+impl Felt for HeldNumbers<'_> {
+    fn data(&self) -> &DVector<f64> {
+        self.felt.data()
+    }
+
+    fn freedom(&self) -> f64 {
+        self.felt.freedom()
+    }
+
+    fn first(&self) -> Vector2<f64> {
+        self.felt.first()
+    }
+
+    fn predicted(&self, path: &Path, delay: f64) -> Predicted {
+        Predicted { numbers: self.numbers.clone(), ..self.felt.predicted(path, delay) }
+    }
+
+    fn onset_sd(&self) -> Option<f64> {
+        self.felt.onset_sd()
+    }
+
+    fn carried(&self, legs: &[Leg]) -> Option<DVector<f64>> {
+        self.felt.carried(legs)
+    }
+
+    fn onsets_tried(&self) -> Vec<f64> {
+        self.felt.onsets_tried()
+    }
+}
+
+/// Something to fit instead of what was felt.
+#[derive(Debug)]
+struct Instead<'a> {
+    felt: &'a dyn Felt,
+    data: DVector<f64>,
+    /// By how much noise is larger, as a factor.
+    noise: f64,
+}
+
+impl<'a> Instead<'a> {
+    /// The same with noise so many times as large.
+    fn noisier(felt: &'a dyn Felt, noise: f64) -> Self {
+        Self { felt, data: felt.data() / noise, noise }
+    }
+}
+
+impl Felt for Instead<'_> {
+    fn data(&self) -> &DVector<f64> {
+        &self.data
+    }
+
+    fn freedom(&self) -> f64 {
+        self.felt.freedom()
+    }
+
+    fn first(&self) -> Vector2<f64> {
+        self.felt.first()
+    }
+
+    fn predicted(&self, path: &Path, delay: f64) -> Predicted {
+        self.felt.predicted(path, delay).with_noise(self.noise)
+    }
+
+    fn onset_sd(&self) -> Option<f64> {
+        self.felt.onset_sd()
+    }
+
+    fn carried(&self, legs: &[Leg]) -> Option<DVector<f64>> {
+        Some(self.felt.carried(legs)? / self.noise)
+    }
+
+    fn onsets_tried(&self) -> Vec<f64> {
+        self.felt.onsets_tried()
+    }
+}
+
+/// What might have been felt is drawn with this: the same for every push, so that an answer can be had again.
+const REDRAWN_SEED: u64 = 0x7265_6472_6177_6e00;
+
 /// A minimum with its numbers.
 pub(super) struct NumberedMinimum {
     pub(super) tried: Tried,
@@ -82,58 +211,117 @@ pub(super) struct NumberedMinimum {
 }
 
 impl Unknown<'_, '_> {
-    /// The minimum that a guess leads to; `roughly` is what was felt with what the numbers change taken for noise.
+    /// The minimum that a guess leads to; `roughly` is what was felt with what the numbers change taken for noise. Where nothing
+    /// else explains what was felt, `thoroughly` comes near step by step what is far from what is told.
     pub(super) fn found(
         &self,
         guess: Guess,
         felt: &dyn Felt,
         roughly: &dyn Felt,
         explains: impl Fn(&Tried) -> bool,
+        thoroughly: bool,
         halt: &Halt<'_>,
     ) -> Option<NumberedMinimum> {
-        let found = self.fitted(guess, felt, None, halt);
-        if self.errors.is_none() || found.as_ref().is_some_and(|found| explains(&found.tried)) {
+        let found = self.fitted(&self.begun(guess)?, &[felt], EFFORT, halt);
+        if (self.errors.is_none() && !thoroughly) || found.as_ref().is_some_and(|found| explains(&found.tried)) {
             return found;
         }
         // A part far from what it is told to be leads to its minimum only so.
-        let others = self.fitted(guess, felt, Some(roughly), halt);
+        let noisier = NOISIER.map(|noise| Instead::noisier(felt, noise));
+        let between = noisier.iter().take(if thoroughly { NOISIER.len() } else { 0 }).map(|felt| felt as &dyn Felt);
+        let stages: Vec<_> = std::iter::once(roughly).chain(between).chain([felt]).collect();
+        let others = self.fitted(&self.begun(guess)?, &stages, EFFORT, halt);
         found.into_iter().chain(others).min_by(|a, b| a.tried.cost.total_cmp(&b.tried.cost))
     }
 
-    fn fitted(
-        &self,
-        mut guess: Guess,
-        felt: &dyn Felt,
-        mut first: Option<&dyn Felt>,
-        halt: &Halt<'_>,
-    ) -> Option<NumberedMinimum> {
+    /// A guess with every number as it is told.
+    fn begun(&self, guess: Guess) -> Option<NumberedGuess> {
         let mut off = vec![0.0; self.of_part()];
         off.extend(self.motion.iter().flat_map(|motion| motion.taken_for()));
+        off.extend(std::iter::repeat_n(0.0, self.friction_along(guess)?.count()));
+        Some(NumberedGuess { guess, prior: vec![0.0; off.len()], felt_off: off.clone(), off })
+    }
+
+    /// Minima of what might have been felt instead, each with its priors, of a push that is as this minimum says: samples of
+    /// what is likely, all along a valley that bends (randomised maximum likelihood; Oliver, He and Reynolds 1996). Fits begin
+    /// at the minimum and, in turn with it, at each of `starts` on its edge; kept is what explains what was felt nearly as well.
+    pub(super) fn redrawn(
+        &self,
+        minimum: &NumberedMinimum,
+        felt: &dyn Felt,
+        starts: &[Guess],
+        count: usize,
+        halt: &Halt<'_>,
+    ) -> Vec<NumberedMinimum> {
+        let tried = &minimum.tried;
+        let starts: Vec<_> = starts.iter().filter(|start| start.edge == tried.guess.edge).collect();
+        let again = |number: usize| {
+            let mut draw = Draw::case(REDRAWN_SEED, number);
+            let data = felt.data() + tried.predicted.redrawn(tried.mass, felt.data().len(), &mut draw);
+            let prior: Vec<_> = minimum.taken.iter().map(|_| draw.normal()).collect();
+            let mu_g_log = self.course.mu_g_log_sd.map_or(0.0, |sd| sd * draw.normal());
+            let course = Course { mu_g: self.course.mu_g * mu_g_log.exp(), ..self.course.clone() };
+            let start = starts.get(number / 2 % starts.len().max(1)).filter(|_| number % 2 == 1);
+            let guess = start.map_or(tried.guess, |start| **start);
+            let begun = self.begun(Guess { mu_g_log: guess.mu_g_log - mu_g_log, ..guess })?;
+            let begun = NumberedGuess { off: minimum.taken.clone(), prior, ..begun };
+            let unknown = Unknown { course: &course, ..*self };
+            let mut found = unknown.fitted(&begun, &[&Instead { felt, data, noise: 1.0 }], REDRAWN_EFFORT, halt)?;
+            found.tried.guess.mu_g_log += mu_g_log;
+            (self.cost(&found, felt)? <= tried.cost + GATE).then_some(found)
+        };
+        (0..count).filter_map(again).collect()
+    }
+
+    /// What a minimum of something else costs by what was felt, with numbers near its own.
+    fn cost(&self, of: &NumberedMinimum, felt: &dyn Felt) -> Option<f64> {
+        let begun = self.begun(of.tried.guess)?;
+        let numbered = self.numbered(&of.taken, &begun, &self.friction_along(begun.guess)?)?;
+        let course = numbered.course(self.course);
+        Some(Problem { course: &course, measured: felt, mass: self.mass }.try_guess(begun.guess)?.cost)
+    }
+
+    /// The minimum of the last of several things felt, to which those before it lead one after the other.
+    fn fitted(
+        &self,
+        begun: &NumberedGuess,
+        felt: &[&dyn Felt],
+        effort: Effort,
+        halt: &Halt<'_>,
+    ) -> Option<NumberedMinimum> {
+        let (mut guess, mut off) = (begun.guess, begun.off.clone());
         let knots = self.friction_along(guess)?;
-        off.extend(std::iter::repeat_n(0.0, knots.count()));
-        let felt_off = off.clone();
-        let mut before = f64::INFINITY;
-        for fit in 1..=FITS {
-            // What is not at its minimum is no answer.
-            if halt.is_wished() {
-                return None;
-            }
-            let numbered = self.numbered(&off, &felt_off, &knots)?;
-            let course = numbered.course(self.course);
-            let problem = Problem { course: &course, measured: first.unwrap_or(felt), mass: self.mass };
-            let tried = problem.descend(problem.try_guess(guess)?, usize::MAX);
-            guess = tried.guess;
-            // The cost by straight lines; where nothing changes any more, it is the cost.
-            let is_still = (before - tried.cost).abs() < COST_STEP;
-            before = tried.cost;
-            let taken = problem.taken_of_numbers(&tried);
-            drop(course);
-            if first.is_none() && (is_still || fit == FITS) {
-                return Some(NumberedMinimum { tried, numbered, taken });
-            }
-            off = taken;
-            if first.is_some() && (is_still || fit >= FITS_ROUGHLY) {
-                (before, first) = (f64::INFINITY, None);
+        for (stage, &measured) in felt.iter().enumerate() {
+            let is_last = stage + 1 == felt.len();
+            let fits = if is_last { effort.fits } else { FITS_BEFORE };
+            let mut before = f64::INFINITY;
+            for fit in 1..=fits {
+                // What is not at its minimum is no answer.
+                if halt.is_wished() {
+                    return None;
+                }
+                let numbered = self.numbered(&off, begun, &knots)?;
+                let course = numbered.course(self.course);
+                let problem = Problem { course: &course, measured, mass: self.mass };
+                let begin = problem.try_guess(guess)?;
+                // What the numbers change follows the guess slowly: it is seen once a fit.
+                let held = HeldNumbers { felt: measured, numbers: begin.predicted.numbers.clone() };
+                let sure = Problem { course: &course.sure(), measured: &held, mass: self.mass };
+                let tried = sure.descend(begin, effort.steps);
+                guess = tried.guess;
+                // The cost by straight lines; where nothing changes any more, it is the cost.
+                let is_still = (before - tried.cost).abs() < COST_STEP;
+                before = tried.cost;
+                // They are found in deviations from their priors.
+                off = sure.taken_of_numbers(&tried).iter().zip(&begun.prior).map(|(off, prior)| off + prior).collect();
+                if is_last && (is_still || fit == fits) {
+                    let tried = problem.try_guess(guess)?;
+                    drop(course);
+                    return Some(NumberedMinimum { tried, numbered, taken: off });
+                }
+                if is_still {
+                    break;
+                }
             }
         }
         None
@@ -144,11 +332,12 @@ impl Unknown<'_, '_> {
         self.errors.map_or(0, |errors| errors.count(self.course.part))
     }
 
-    fn numbered(&self, off: &[f64], felt_off: &[f64], knots: &FrictionAlong) -> Option<Numbered> {
+    fn numbered(&self, off: &[f64], begun: &NumberedGuess, knots: &FrictionAlong) -> Option<Numbered> {
         let (part, legs) = (self.part(off)?, self.legs(off)?);
         let changed = (0..off.len()).map(|number| self.changed(number, off, &part, &legs, knots)).collect();
-        let both = off.iter().zip(felt_off).map(|(&predicted, &felt)| NumberOff { predicted, felt }).collect();
-        Some(Numbered { part, legs, friction_along: self.friction(knots, off), changed, off: both })
+        let both = off.iter().zip(&begun.felt_off).zip(&begun.prior);
+        let both = both.map(|((off, felt_off), prior)| NumberOff { predicted: off - prior, felt: felt_off - prior });
+        Some(Numbered { part, legs, friction_along: self.friction(knots, off), changed, off: both.collect() })
     }
 
     fn part(&self, off: &[f64]) -> Option<Part> {

@@ -49,9 +49,12 @@ impl PartErrors {
     /// it with weights within a factor of e two times in three, logarithms are that far from 0.
     pub const PRESSURE_UNKNOWN: f64 = 0.4;
 
-    /// What a stretch leaves of a pressure that is not known, as a share of the friction: root mean square over twists, for
-    /// those feet.
-    const PRESSURE_LEFT_SHARE: f64 = 0.05;
+    /// What a stretch leaves of a pressure that is not known, as a share of the friction: twice the root mean square over twists,
+    /// for those feet, of which some are two and three times as far from any stretch as most.
+    const PRESSURE_LEFT_SHARE: f64 = 0.1;
+
+    /// What of that changes faster than what drifts, as a foot comes near the place about which the part turns.
+    const PRESSURE_FAST_SHARE: f64 = 0.004;
 }
 
 impl PartErrors {
@@ -81,6 +84,11 @@ impl PartErrors {
     /// What the numbers cannot say of the force, as a share of it.
     pub(super) fn left_share(&self) -> f64 {
         if self.pressure_log_sd > 0.0 { Self::PRESSURE_LEFT_SHARE } else { 0.0 }
+    }
+
+    /// What of that changes faster than what drifts: noise of every reading.
+    pub(super) fn fast_share(&self) -> f64 {
+        if self.pressure_log_sd > 0.0 { Self::PRESSURE_FAST_SHARE } else { 0.0 }
     }
 
     /// The part with each number so many standard deviations off; none where edges then cross.

@@ -33,10 +33,10 @@ pub use tracker::{ForceTracker, Found, SearchTask, TrackedHypothesis, TrackerSta
 
 use read_force::{Doubts, ReadForce};
 
-use super::end::BELIEF;
+use super::end::{BELIEF, Reach};
 use super::fit::{Problem, Tried};
 use super::friction_along::FrictionAlong;
-use super::numbers::{MotionNumbers, NUMBERED_LEADS, Numbered, Unknown};
+use super::numbers::{MotionNumbers, NUMBERED_LEADS, NumberedMinimum, Unknown, redrawn_of};
 use super::part_errors::PartErrors;
 use super::path::{Course, CourseStart, Guess};
 use super::windowed_force::place_covariance;
@@ -215,7 +215,7 @@ pub fn follow(known: &KnownOfFinger, readings: &[ForceReading], from: &Beginning
 
 fn halting_estimate(known: &KnownOfFinger, readings: &[ForceReading], halt: &Halt<'_>) -> Vec<ForceHypothesis> {
     let Some(push) = FeltPush::new(known, readings, None) else { return Vec::new() };
-    conclude(push.all(halt), known, symmetry::order(known.part))
+    conclude(push.all(true, halt), known, symmetry::order(known.part))
 }
 
 /// The edges of which no two look the same, and how many turns take the part to itself.
@@ -248,8 +248,9 @@ impl<'a, 'p> FeltPush<'a, 'p> {
         let of_part = known.errors.map_or(0.0, |errors| errors.share(known.part));
         let of_part = of_part.hypot(WANDER_SHARE * known.mu_c_wander_log_sd);
         let roughly = path.as_ref().map_or(Doubts::none(), |path| path.doubts_of_all(from)).and_share(of_part);
-        let drift = known.errors.map_or(0.0, |errors| errors.left_share());
-        let doubts = path.as_ref().map_or(Doubts::none(), |path| path.doubts_of_rest(from)).and_drift(drift);
+        let (drift, fast) = known.errors.map_or((0.0, 0.0), |errors| (errors.left_share(), errors.fast_share()));
+        let doubts = path.as_ref().map_or(Doubts::none(), |path| path.doubts_of_rest(from));
+        let doubts = doubts.and_share(fast).and_drift(drift);
         let roughly = ReadForce::new(known, &legs, &readings, &roughly)?;
         let felt = ReadForce::new(known, &legs, &readings, &doubts)?;
         let course = Course {
@@ -269,29 +270,46 @@ impl<'a, 'p> FeltPush<'a, 'p> {
         Some(Self { known, course, roughly, felt, path })
     }
 
-    /// Every minimum found.
-    fn all(&self, halt: &Halt<'_>) -> Vec<Concluded> {
+    /// Every minimum found; whether it is looked how far each reaches: who follows the push sees that.
+    fn all(&self, looks: bool, halt: &Halt<'_>) -> Vec<Concluded> {
         let (edges, _) = distinct_edges(self.known.part);
-        let leads = self.leads(&edges, usize::MAX, halt);
-        let wanted = leads.into_iter().take_while(|_| !halt.is_wished());
-        let minima = within_gate(wanted.filter_map(|(_, lead)| self.minimum(lead, halt)).collect(), Minimum::place);
+        let Leads { followed, all } = self.leads(&edges, usize::MAX, halt);
+        let found = |thoroughly: bool| {
+            let wanted = followed.iter().take_while(|_| !halt.is_wished());
+            let minima = wanted.filter_map(|(_, lead)| self.minimum(*lead, thoroughly, halt)).collect();
+            within_gate(minima, Minimum::place)
+        };
+        let mut minima = found(false);
+        if minima.is_empty() && self.known.has_numbers() {
+            minima = found(true);
+        }
         // Only what is listed is worth a walk.
-        let is_walked = self.known.has_numbers() || minima.len() <= WALKED_MAX;
-        minima.iter().filter_map(|minimum| self.concluded(minimum, is_walked)).collect()
+        let is_walked = minima.len() <= WALKED_MAX;
+        let of_edge = |edge: usize| minima.iter().filter(|minimum| minimum.found.tried().guess.edge == edge).count();
+        let redrawn = |edge: usize| if looks { redrawn_of(of_edge(edge)) } else { 0 };
+        let reach = |minimum: &Minimum| Looked {
+            is_walked: is_walked && looks,
+            leads: &all,
+            redrawn: redrawn(minimum.found.tried().guess.edge),
+        };
+        minima.iter().filter_map(|minimum| self.concluded(minimum, &reach(minimum), halt)).collect()
     }
 
-    /// Where the search comes to, the best first, with what it costs there: without what outline and motion take up.
-    fn leads(&self, edges: &[usize], most: usize, halt: &Halt<'_>) -> Vec<(f64, Guess)> {
+    /// Where the search comes to, the best first.
+    fn leads(&self, edges: &[usize], most: usize, halt: &Halt<'_>) -> Leads {
         let problem = Problem { course: &self.course, measured: &self.roughly, mass: self.known.mass };
         let mut tried = search(&problem, edges, halt);
         // Where the finger cannot be, it leads nowhere.
         tried.retain(|tried| is_possible(&problem, tried));
-        let leads = if self.known.has_numbers() {
-            leads_of_edges(&tried, most.min(NUMBERED_LEADS))
+        let followed = if self.known.has_numbers() {
+            leads_of_edges(self.known.part, &tried, most.min(NUMBERED_LEADS))
         } else {
             leads(&tried, most)
         };
-        leads.into_iter().map(|lead| (lead.cost, lead.guess)).collect()
+        Leads {
+            followed: followed.into_iter().map(|lead| (lead.cost, lead.guess)).collect(),
+            all: leads_of_edges(self.known.part, &tried, usize::MAX).into_iter().map(|lead| lead.guess).collect(),
+        }
     }
 
     /// As a guess; none of an edge that the part has not.
@@ -308,45 +326,59 @@ impl<'a, 'p> FeltPush<'a, 'p> {
 
     /// The minimum that a guess leads to, with all that is unknown.
     fn followed(&self, guess: Guess, is_walked: bool, halt: &Halt<'_>) -> Option<Concluded> {
-        self.concluded(&self.minimum(guess, halt)?, is_walked)
+        self.concluded(&self.minimum(guess, true, halt)?, &Looked { is_walked, ..Looked::ALONE }, halt)
     }
 
     /// The same before anything is said of it; none where the finger cannot be there.
-    fn minimum(&self, guess: Guess, halt: &Halt<'_>) -> Option<Minimum> {
-        let (tried, numbered, taken) = if self.known.has_numbers() || self.path.is_some() {
+    fn minimum(&self, guess: Guess, thoroughly: bool, halt: &Halt<'_>) -> Option<Minimum> {
+        let found = if self.known.has_numbers() || self.path.is_some() {
             let explains = |tried: &Tried| tried.cost <= self.cost_max(&self.problem(&self.course), tried);
-            let found = self.unknown().found(guess, &self.felt, &self.roughly, explains, halt)?;
-            (found.tried, Some(found.numbered), found.taken)
+            Fitted::Numbered(self.unknown().found(guess, &self.felt, &self.roughly, explains, thoroughly, halt)?)
         } else {
             let problem = self.problem(&self.course);
-            (problem.descend(problem.try_guess(guess)?, usize::MAX), None, Vec::new())
+            Fitted::Plain(problem.descend(problem.try_guess(guess)?, usize::MAX))
         };
-        let course = self.course_of(numbered.as_ref());
+        let course = self.course_of(&found);
         let problem = self.problem(&course);
-        let cost_max = self.cost_max(&problem, &tried);
-        let is_possible = is_possible(&problem, &tried);
+        let cost_max = self.cost_max(&problem, found.tried());
+        let is_possible = is_possible(&problem, found.tried());
         drop(course);
-        is_possible.then_some(Minimum { tried, numbered, taken, cost_max })
+        is_possible.then_some(Minimum { found, cost_max })
     }
 
-    /// What it says.
-    fn concluded(&self, minimum: &Minimum, is_walked: bool) -> Option<Concluded> {
-        let Minimum { tried, numbered, cost_max, .. } = minimum;
-        let course = self.course_of(numbered.as_ref());
-        let problem = self.problem(&course);
+    /// What it says. How far it reaches is seen with numbers found too by what might have been felt instead, otherwise by a walk
+    /// along its valley, if wished.
+    fn concluded(&self, minimum: &Minimum, looked: &Looked<'_>, halt: &Halt<'_>) -> Option<Concluded> {
+        let Minimum { found, cost_max } = minimum;
+        let course = self.course_of(found);
+        let (problem, tried) = (self.problem(&course), found.tried());
+        let redrawn = match found {
+            Fitted::Numbered(numbered) => {
+                self.unknown().redrawn(numbered, &self.felt, looked.leads, looked.redrawn, halt)
+            }
+            Fitted::Plain(_) => Vec::new(),
+        };
+        let reach = match found {
+            Fitted::Numbered(_) => Reach::Redrawn(&redrawn),
+            Fitted::Plain(_) if looked.is_walked => Reach::Valley,
+            Fitted::Plain(_) => Reach::Slopes,
+        };
         Some(Concluded {
             cost: tried.cost,
             cost_max: *cost_max,
             guess: tried.guess,
             end: tried.path.end,
-            found: hypothesis(&problem, tried, self.known, &self.felt, is_walked)?,
+            found: hypothesis(&problem, tried, self.known, &self.felt, reach)?,
             at_end: AtEnd::of(&problem, tried, self.known, f64::INFINITY)?,
         })
     }
 
     /// With such numbers of part and motion.
-    fn course_of<'c>(&'c self, numbered: Option<&'c Numbered>) -> Course<'c> {
-        numbered.map_or_else(|| self.course.clone(), |numbered| numbered.course(&self.course))
+    fn course_of<'c>(&'c self, found: &'c Fitted) -> Course<'c> {
+        match found {
+            Fitted::Plain(_) => self.course.clone(),
+            Fitted::Numbered(found) => found.numbered.course(&self.course),
+        }
     }
 
     fn problem<'c, 'q>(&'c self, course: &'c Course<'q>) -> Problem<'c, 'q> {
@@ -430,24 +462,61 @@ fn legs_since(legs: impl Iterator<Item = Leg>, from: f64) -> Vec<Leg> {
 /// normal one.
 const WANDER_SHARE: f64 = 0.3;
 
+/// How it is looked how far a minimum reaches.
+struct Looked<'a> {
+    /// Along its valley, where no numbers are found.
+    is_walked: bool,
+    /// Where else on its edge what is drawn again is fitted from.
+    leads: &'a [Guess],
+    /// How often it is drawn.
+    redrawn: usize,
+}
+
+impl Looked<'_> {
+    /// Of one that is the only one of its edge.
+    const ALONE: Self = Self { is_walked: true, leads: &[], redrawn: redrawn_of(1) };
+}
+
+/// Where a search comes to.
+struct Leads {
+    /// What is worth a fit, with what it costs without what outline and motion take up.
+    followed: Vec<(f64, Guess)>,
+    all: Vec<Guess>,
+}
+
+/// What a fit came to.
+enum Fitted {
+    /// All numbers are as they are told.
+    Plain(Tried),
+    Numbered(NumberedMinimum),
+}
+
+impl Fitted {
+    fn tried(&self) -> &Tried {
+        match self {
+            Self::Plain(tried) | Self::Numbered(NumberedMinimum { tried, .. }) => tried,
+        }
+    }
+
+    /// How many standard deviations each number is off.
+    fn taken(&self) -> &[f64] {
+        match self {
+            Self::Plain(_) => &[],
+            Self::Numbered(found) => &found.taken,
+        }
+    }
+}
+
 /// A minimum, before anything is said of it.
 struct Minimum {
-    tried: Tried,
-    /// None where all numbers are as they are told.
-    numbered: Option<Numbered>,
-    /// How many standard deviations each of them is off.
-    taken: Vec<f64>,
+    found: Fitted,
     cost_max: f64,
 }
 
 impl Minimum {
     fn place(&self) -> MinimumPlace<'_> {
-        MinimumPlace {
-            cost: self.tried.cost,
-            cost_max: self.cost_max,
-            guess: &self.tried.guess,
-            end: &self.tried.path.end,
-        }
+        let tried = self.found.tried();
+        MinimumPlace { cost: tried.cost, cost_max: self.cost_max, guess: &tried.guess, end: &tried.path.end }
     }
 }
 
@@ -497,7 +566,8 @@ impl AtEnd {
 /// The list of what cannot be excluded.
 fn conclude(concluded: Vec<Concluded>, known: &KnownOfFinger, symmetry: usize) -> Vec<ForceHypothesis> {
     let found = listed(concluded).into_iter().map(|concluded| concluded.found);
-    let found = if known.has_numbers() { valleys(found) } else { found.collect() };
+    let found: Vec<_> = found.collect();
+    let found = if known.has_numbers() { valleys(found) } else { found };
     let mut hypotheses: Vec<_> = found.into_iter().flat_map(|found| turned(found, known.part, symmetry)).collect();
     let total: f64 = hypotheses.iter().map(|hypothesis| hypothesis.probability).sum();
     hypotheses.iter_mut().for_each(|hypothesis| hypothesis.probability /= total);
@@ -506,8 +576,11 @@ fn conclude(concluded: Vec<Concluded>, known: &KnownOfFinger, symmetry: usize) -
 }
 
 /// Where numbers of the part are not known, minima that overlap are samples of one valley, which is flat and bends: the
-/// likeliest stands for all of it.
-fn valleys(found: impl Iterator<Item = ForceHypothesis>) -> Vec<ForceHypothesis> {
+/// likeliest stands for all of it. What several samples cover counts once.
+fn valleys(mut found: Vec<ForceHypothesis>) -> Vec<ForceHypothesis> {
+    let shared = |one: &ForceHypothesis| found.iter().filter(|other| one.overlaps(other)).count().max(1);
+    let shared: Vec<_> = found.iter().map(shared).collect();
+    found.iter_mut().zip(shared).for_each(|(one, shared)| one.probability /= shared as f64);
     let mut valleys: Vec<Vec<ForceHypothesis>> = Vec::new();
     for next in found {
         let mut valley: Vec<_> =
@@ -599,7 +672,7 @@ fn hypothesis(
     tried: &Tried,
     known: &KnownOfFinger,
     felt: &ReadForce,
-    is_walked: bool,
+    reach: Reach<'_>,
 ) -> Option<ForceHypothesis> {
     let Tried { guess, path, mass, cost, .. } = tried;
     let slipped = path.slipped.then_some(guess.mu_c);
@@ -608,7 +681,7 @@ fn hypothesis(
         let force = path.forces_in_finger_time(felt.period()).at(time) * *mass;
         (Translation2::from(force * known.compliance) * pose).into()
     };
-    let mut covariance = problem.end_covariance(tried, is_walked)?.motion;
+    let mut covariance = problem.end_covariance(tried, reach)?.motion;
     let last = path.forces_in_finger_time(felt.period()).at(problem.course.duration) * *mass;
     covariance.fixed_view_mut::<2, 2>(0, 0).add_assign(&known.place_covariance(last));
     Some(ForceHypothesis {
@@ -626,7 +699,7 @@ fn hypothesis(
         effective_mass: known.effective_mass + known.effective_mass_sd * problem.taken_beside(tried),
         cost: cost + felt.before().0,
         degrees_of_freedom: degrees_of_freedom(problem, tried, known, felt),
-        probability: problem.spread(tried)?,
+        probability: problem.evidence(tried)?,
     })
 }
 

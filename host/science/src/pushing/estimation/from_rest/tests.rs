@@ -434,7 +434,12 @@ fn what_is_stated_reaches_along_a_valley_that_bends() {
         let problem = Problem { course: &course, measured: &measured, mass: None };
         let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c, ..Guess::AT_REST };
         let found = problem.descend(problem.try_guess(guess).unwrap(), usize::MAX);
-        let stated = problem.end_covariance(&found, true).unwrap().state.fixed_view::<2, 2>(0, 0).into_owned();
+        let stated = problem
+            .end_covariance(&found, super::end::Reach::Valley)
+            .unwrap()
+            .state
+            .fixed_view::<2, 2>(0, 0)
+            .into_owned();
         let Some(valley) = problem.valley(&found) else { continue };
         bent += 1;
         for place in &valley.places {

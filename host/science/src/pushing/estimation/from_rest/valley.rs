@@ -161,7 +161,7 @@ impl Walk<'_, '_> {
             let last = rise(from);
             match there.filter(|there| there.guess != from.guess && rise(there) < last + RISE_OF_STEP) {
                 Some(there) => {
-                    direction = self.change(from, &there) / (side * step);
+                    direction = change(from, &there) / (side * step);
                     let is_last = rise(&there) > RISE_LAST;
                     places.push((at + step, there));
                     // Along the line through the last two.
@@ -195,7 +195,7 @@ impl Walk<'_, '_> {
             let there = there?;
             let of_end = ends.iter().flatten().filter(|(end, _)| *end == index).map(|(_, sds)| 0.5 / (sds * sds));
             let weight = 0.5 * weight / sum + 0.5 * of_end.sum::<f64>();
-            Some(Place { parameters: self.change(self.at, &there), there, weight })
+            Some(Place { parameters: change(self.at, &there), there, weight })
         });
         places.collect()
     }
@@ -212,14 +212,15 @@ impl Walk<'_, '_> {
         };
         [nearest(0..lowest), nearest(lowest + 1..line.len())]
     }
+}
 
-    fn change(&self, from: &Tried, to: &Tried) -> SVector<f64, COLUMNS> {
-        let [from, to] = [from, to].map(|tried| {
-            let guess = tried.guess;
-            let mu_c = if guess.mu_c.is_finite() { guess.mu_c } else { 0.0 };
-            let Guess { u, s, mu_g_log, delay, omega, slide, .. } = guess;
-            SVector::from([u, s, mu_c, mu_g_log, delay, omega, slide, tried.mass.ln()])
-        });
-        to - from
-    }
+/// By how much parameters and the mass's logarithm of two guesses differ.
+pub(super) fn change(from: &Tried, to: &Tried) -> SVector<f64, COLUMNS> {
+    let [from, to] = [from, to].map(|tried| {
+        let guess = tried.guess;
+        let mu_c = if guess.mu_c.is_finite() { guess.mu_c } else { 0.0 };
+        let Guess { u, s, mu_g_log, delay, omega, slide, .. } = guess;
+        SVector::from([u, s, mu_c, mu_g_log, delay, omega, slide, tried.mass.ln()])
+    });
+    to - from
 }

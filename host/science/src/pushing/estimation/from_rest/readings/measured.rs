@@ -18,7 +18,9 @@ use super::super::numbers::MotionNumbers;
 use super::super::path::Guess;
 use super::super::{is_one_place, misfit_limit};
 use super::read_force::Doubts;
-use super::{Concluded, FeltPush, ForceHypothesis, ForceReading, KnownOfFinger, conclude, distinct_edges, legs_since};
+use super::{
+    Concluded, FeltPush, ForceHypothesis, ForceReading, KnownOfFinger, Looked, conclude, distinct_edges, legs_since,
+};
 use crate::pushing::finger_motion::Leg;
 use crate::pushing::measured_path::{FittedPath, MeasuredPath, PathEffects, PathModes, TOLD_RAD, Wandering};
 use crate::pushing::measured_turn::MeasuredTurn;
@@ -155,7 +157,7 @@ impl<'a> Measured<'a> {
         let tried = if self.offset.sd > OFFSET_SURE_S { &OFFSETS_TRIED[..] } else { &OFFSETS_TRIED[..1] };
         let mut begun: Vec<(f64, f64, Guess)> = Vec::new();
         for &sds in tried {
-            let leads = self.at(sds, |push| push.leads(&edges, OFFSET_LEADS, halt)).unwrap_or_default();
+            let leads = self.at(sds, |push| push.leads(&edges, OFFSET_LEADS, halt).followed).unwrap_or_default();
             begun.extend(leads.into_iter().map(|(cost, guess)| (cost + sds * sds, sds, guess)));
         }
         begun.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -164,8 +166,8 @@ impl<'a> Measured<'a> {
         let mut found: Vec<(f64, Concluded)> = Vec::new();
         for (_, sds, guess) in begun.into_iter().take(LEADS).take_while(|_| !halt.is_wished()) {
             let followed = self.at(sds, |push| {
-                let minimum = push.minimum(guess, halt)?;
-                Some((push.offset_of(&minimum.taken), push.concluded(&minimum, true)?))
+                let minimum = push.minimum(guess, false, halt)?;
+                Some((push.offset_of(minimum.found.taken()), push.concluded(&minimum, &Looked::ALONE, halt)?))
             });
             let Some(Some((offset, mut next))) = followed else { continue };
             self.count_path(&mut next);

@@ -143,6 +143,61 @@ fn an_outline_that_is_off_by_tenths_of_a_millimetre_hides_no_pose_once_that_is_s
 }
 
 #[test]
+fn a_centre_of_mass_that_is_off_by_millimetres_hides_no_pose_once_that_is_said() {
+    const OFF_M: f64 = 2e-3;
+    for case in 0..4 {
+        let mut draw = Draw::case(25, case);
+        let ranges = Ranges::default();
+        let (told, drawn) = loop {
+            let told = random_part(&mut draw);
+            let off = Vector2::new(draw.normal(), draw.normal()) * OFF_M;
+            let part = told.redistributed(off, Vector2::zeros(), &Matrix2::identity());
+            if let Some(drawn) = ranges.draw(&mut draw, &part) {
+                break (told, Case { part, ranges, drawn });
+            }
+        };
+        let readings = drawn.readings(&mut draw, 0.0);
+        let errors = Some(PartErrors { centre_of_mass_sigma: OFF_M, ..PartErrors::NONE });
+        let known = KnownOfFinger { errors, mass: None, mu_c: None, ..drawn.known(&told) };
+        drawn.assert_found(&told, &known, &readings, case);
+    }
+}
+
+/// Where a valley is straight, what might have been felt instead spreads as slopes say.
+#[test]
+fn samples_of_a_minimum_spread_as_its_slopes_say() {
+    const SAMPLES: usize = 48;
+    // Variances of so many samples are within this of what they stand for, five times in a standard deviation of a fifth.
+    const WITHIN: f64 = 2.5;
+    let mut judged = 0;
+    for case in 0..4 {
+        let mut draw = Draw::case(26, case);
+        let drawn = Case::draw(&mut draw);
+        let readings = drawn.readings(&mut draw, 0.0);
+        let errors = Some(PartErrors { outline_sigma: 1e-4, ..PartErrors::NONE });
+        let known = KnownOfFinger { errors, mu_c: None, ..drawn.known(&drawn.part) };
+        let push = FeltPush::new(&known, &readings, None).unwrap();
+        let Drawn { edge, u, s, mu_c, .. } = drawn.drawn;
+        let state = State { u, s, omega: 0.0, v_t: 0.0 };
+        let begun = push.guess(&Beginning { edge, state, is_rolling: true, mu_c }).unwrap();
+        let halt = &Halt::new(&never);
+        let Some(Minimum { found: Fitted::Numbered(found), .. }) = push.minimum(begun, false, halt) else { continue };
+        let course = found.numbered.course(&push.course);
+        let problem = push.problem(&course);
+        let samples = push.unknown().redrawn(&found, &push.felt, &[], SAMPLES, halt);
+        assert_eq!(samples.len(), SAMPLES, "case {case}: all explain the readings nearly as well");
+        let [slopes, sampled] = [Reach::Slopes, Reach::Redrawn(&samples)]
+            .map(|reach| problem.end_covariance(&found.tried, reach).unwrap().pose.diagonal());
+        for (slopes, sampled) in slopes.iter().zip(sampled.iter()) {
+            let ratio = sampled / slopes;
+            assert!((1.0 / WITHIN..WITHIN).contains(&ratio), "case {case}: {slopes:e} {sampled:e}");
+        }
+        judged += 1;
+    }
+    assert!(judged >= 3);
+}
+
+#[test]
 fn a_finger_without_the_mass_that_it_has_is_never_certain_of_another_pose() {
     for case in 0..4 {
         let mut draw = Draw::case(24, case);

@@ -163,7 +163,7 @@ impl SearchTask {
         let Some(push) = FeltPush::new(&known, &self.readings, None) else {
             return Found { explanations: 0, followed: Vec::new(), time };
         };
-        let concluded = listed(push.all(&halt));
+        let concluded = listed(push.all(false, &halt));
         let explanations = concluded.len();
         let few = if explanations <= EXPLANATIONS_MAX { &concluded[..] } else { &[] };
         let followed = few.iter().take_while(|_| !halt.is_wished());
