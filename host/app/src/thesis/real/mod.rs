@@ -17,7 +17,8 @@ use std::path::{Path, PathBuf};
 use nalgebra::Point2;
 use palpate::geometry::SimplePolygon;
 use palpate::pushing::estimation::slow_pushes::{
-    FilterSettings, KnownLog, PushParameters, SlowConstants, SlowScene, Standing, calibrated,
+    BLOCK_EDGE_FRICTIONS, FilterSettings, KnownLog, KnownPush, PushParameters, SlowConstants, SlowScene, Standing,
+    calibrated, edge_frictions,
 };
 use palpate_files::recordings::slow_pushes::{MeasuredPush, of_pushes, standing};
 use palpate_files::recordings::{Format, mlab, text};
@@ -60,6 +61,8 @@ pub(crate) enum RealError {
 struct Readied {
     log: RealLog,
     standing: Standing,
+    /// The finger's friction on each of the block's edges, in that of all.
+    edge_frictions: Vec<f64>,
     scene: SlowScene,
 }
 
@@ -116,9 +119,10 @@ impl Recordings {
             let pushes = of_pushes(&log, Point2::from(CENTRE_OF_MASS_M), &FilterSettings::STANDARD);
             let log = RealLog { name: if several { format!("{name}/{stem}") } else { name.clone() }, pushes };
             let message = "feet on one line cannot bear the block".to_owned();
-            let scene = scene(standing, SlowConstants::BOARD);
+            let edge_frictions = BLOCK_EDGE_FRICTIONS.to_vec();
+            let scene = scene(standing, SlowConstants::BOARD, &edge_frictions);
             let scene = scene.ok_or(RealError::Bad { place: folder.to_owned(), message })?;
-            self.logs.push(Readied { log, standing: standing.clone(), scene });
+            self.logs.push(Readied { log, standing: standing.clone(), edge_frictions, scene });
         }
         Ok(())
     }
@@ -128,20 +132,25 @@ impl Recordings {
     pub(crate) fn leave_one_out(&mut self) {
         let known = |log: &RealLog| log.pushes.iter().map(|push| push.known.clone()).collect::<Vec<_>>();
         let pushes: Vec<_> = self.logs.iter().map(|log| known(&log.log)).collect();
-        let from = SlowConstants { pressure_rise: SlowConstants::BOARD.pressure_rise, ..SlowConstants::UNFITTED };
-        let fitted = (0..self.logs.len()).map(|left_out| {
-            let others = self.logs.iter().zip(&pushes).enumerate().filter(|(number, _)| *number != left_out);
-            let others: Vec<_> =
-                others.map(|(_, (log, pushes))| KnownLog { standing: &log.standing, pushes }).collect();
-            let outline = SimplePolygon::new(BLOCK_M.map(Point2::from)).ok()?;
-            let centre = Point2::from(CENTRE_OF_MASS_M);
-            let constants = calibrated(&outline, centre, MASS_KG, &others, from, FilterSettings::STANDARD.stride);
-            scene(&self.logs[left_out].standing, constants)
-        });
-        let fitted: Vec<_> = fitted.collect();
-        for (log, scene) in self.logs.iter_mut().zip(fitted) {
-            log.scene = scene.unwrap_or_else(|| log.scene.clone());
+        let fitted: Vec<_> = (0..self.logs.len()).map(|left_out| self.fitted_without(left_out, &pushes)).collect();
+        for (log, fitted) in self.logs.iter_mut().zip(fitted) {
+            if let Some((scene, edge_frictions)) = fitted {
+                (log.scene, log.edge_frictions) = (scene, edge_frictions);
+            }
         }
+    }
+
+    /// The model of a log with its edges' frictions, all fitted to the pushes of the other logs.
+    fn fitted_without(&self, left_out: usize, pushes: &[Vec<KnownPush>]) -> Option<(SlowScene, Vec<f64>)> {
+        let others = self.logs.iter().zip(pushes).enumerate().filter(|(number, _)| *number != left_out);
+        let others: Vec<_> = others.map(|(_, (log, pushes))| KnownLog { standing: &log.standing, pushes }).collect();
+        let outline = SimplePolygon::new(BLOCK_M.map(Point2::from)).ok()?;
+        let centre = Point2::from(CENTRE_OF_MASS_M);
+        let from = SlowConstants { pressure_rise: SlowConstants::BOARD.pressure_rise, ..SlowConstants::UNFITTED };
+        let frictions = edge_frictions(&outline, centre, &others, &from);
+        let stride = FilterSettings::STANDARD.stride;
+        let constants = calibrated(&outline, centre, MASS_KG, &others, &frictions, from, stride);
+        Some((scene(&self.logs[left_out].standing, constants, &frictions)?, frictions))
     }
 
     /// How far predictions from the pose before are off, with one thing of the model changed at a time: m and rad.
@@ -150,7 +159,7 @@ impl Recordings {
             move |log: &Readied| {
                 let mut constants = *log.scene.constants();
                 change(&mut constants);
-                scene(&log.standing, constants)
+                scene(&log.standing, constants, &log.edge_frictions)
             }
         };
         let rows: [(&str, Box<Change>); 6] = [
@@ -238,10 +247,11 @@ const TASKS: [fn(&Judge<'_>) -> Vec<Answer>; 5] = [
     |judge| judge.blind(),
 ];
 
-/// The block on what it stands on.
-fn scene(standing: &Standing, constants: SlowConstants) -> Option<SlowScene> {
+/// The block on what it stands on, with the finger's friction on each of its edges.
+fn scene(standing: &Standing, constants: SlowConstants, edge_frictions: &[f64]) -> Option<SlowScene> {
     let outline = SimplePolygon::new(BLOCK_M.map(Point2::from)).ok()?;
-    SlowScene::new(&outline, Point2::from(CENTRE_OF_MASS_M), MASS_KG, standing, constants)
+    let scene = SlowScene::new(&outline, Point2::from(CENTRE_OF_MASS_M), MASS_KG, standing, constants)?;
+    Some(scene.with_edge_frictions(edge_frictions))
 }
 
 fn told_by(folder: &Path) -> Option<Standing> {

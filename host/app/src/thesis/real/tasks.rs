@@ -276,7 +276,7 @@ mod tests {
     const FEW: FilterSettings = FilterSettings { particles: 60, ..FilterSettings::STANDARD };
 
     fn scene() -> SlowScene {
-        super::super::scene(&Standing::Face, SlowConstants::BOARD).unwrap()
+        super::super::scene(&Standing::Face, SlowConstants::BOARD, &[]).unwrap()
     }
 
     /// A chain of pushes at the part's middle, from all sides.

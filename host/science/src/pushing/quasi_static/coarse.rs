@@ -15,7 +15,7 @@ use nalgebra::{Point2, Rotation2, Vector2, Vector3};
 use super::instant::{Asked, Instant, Near, Touching};
 use super::support::{Ground, Support};
 use crate::geometry::disk_curve::{DiskCurve, Place};
-use crate::geometry::{Pose, SimplePolygon};
+use crate::geometry::{Element, Pose, SimplePolygon};
 
 /// Share of the slowest foot's speed in the last step to a motion: its square is left, far less than a coarse step's
 /// own error.
@@ -34,6 +34,8 @@ pub(crate) struct PushedOutline {
     polygon: SimplePolygon,
     outline: DiskCurve,
     radius: f64,
+    /// The finger's friction on each edge, in that of the contact; edges beyond the last have 1.
+    edge_frictions: Vec<f64>,
 }
 
 /// A straight way of the finger's centre.
@@ -104,7 +106,24 @@ struct Contact {
 impl PushedOutline {
     pub(crate) fn new(polygon: SimplePolygon, radius: f64) -> Self {
         let outline = DiskCurve::new(&polygon, radius);
-        Self { polygon, outline, radius }
+        Self { polygon, outline, radius, edge_frictions: Vec::new() }
+    }
+
+    /// The same with a friction of its own on each edge, in that of the contact.
+    pub(crate) fn with_edge_frictions(self, edge_frictions: &[f64]) -> Self {
+        Self { edge_frictions: edge_frictions.to_vec(), ..self }
+    }
+
+    /// Friction at a place, in that of the contact; at a vertex between those of its edges.
+    fn friction_at(&self, place: Place) -> f64 {
+        let of_edge = |edge: usize| self.edge_frictions.get(edge).copied().unwrap_or(1.0);
+        match self.outline.element(place) {
+            Element::Edge(edge) => of_edge(edge),
+            Element::Vertex(vertex) => {
+                let edges = self.polygon.vertices().len();
+                (of_edge(vertex) * of_edge((vertex + edges - 1) % edges)).sqrt()
+            }
+        }
     }
 
     /// What resists a part of this outline: the contact at `height` (m), the weight at `centre_of_mass` (part frame);
@@ -267,7 +286,7 @@ impl Following<'_> {
         };
         let normal = self.push.outline.touched(self.contact.place).normal;
         let (pressing, along) = (-normal.dot(&stuck.force), normal.perp(&stuck.force));
-        if along.abs() <= self.resisting.contact_friction[1] * pressing {
+        if along.abs() <= self.contact_friction()[1] * pressing {
             self.changed(Mode::Stick);
             return Some(stuck);
         }
@@ -305,9 +324,14 @@ impl Following<'_> {
         Touching { at: touched.at - self.resisting.ground.centre, normal: touched.normal }
     }
 
+    /// Friction where the finger touches, while it slides and the largest while it sticks.
+    fn contact_friction(&self) -> [f64; 2] {
+        self.resisting.contact_friction.map(|friction| friction * self.push.friction_at(self.contact.place))
+    }
+
     fn motion(&self, mode: Mode, velocity: Vector2<f64>) -> Option<Instant> {
         let touching = self.touching();
-        let [sliding, _] = self.resisting.contact_friction;
+        let [sliding, _] = self.contact_friction();
         let force = match mode {
             Mode::Stick => None,
             Mode::Slide(sign) => Some((-touching.normal - touching.tangent() * (sign * sliding)).normalize()),

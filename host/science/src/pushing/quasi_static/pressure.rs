@@ -45,6 +45,15 @@ pub(super) struct Face {
     size: f64,
     /// Means of `y yᵀ` over the whole polygon.
     moments: Matrix3<f64>,
+    /// Of the whole polygon.
+    points: Vec<GaussPoint>,
+}
+
+/// A place, m, and its share of the polygon's area.
+#[derive(Clone, Copy, Debug)]
+struct GaussPoint {
+    at: Vector2<f64>,
+    share: f64,
 }
 
 /// Integrals that do not depend on the pressure.
@@ -59,23 +68,21 @@ struct Sums {
 impl Face {
     pub(super) fn new(vertices: Vec<Vector2<f64>>, area: f64, size: f64) -> Self {
         let moments = moments(&vertices, size) / area;
-        Self { vertices, area, size, moments }
+        let points = gauss_points(&vertices, area).collect();
+        Self { vertices, area, size, moments, points }
     }
 
     /// How the face resists a twist (of the centroid) under the pressure `load`, per friction and weight.
     pub(super) fn resistance(&self, twist: &Vector3<f64>, load: &Vector3<f64>) -> Resistance {
         let pressed = self.pressed(load);
-        let (vertices, weighing) = match &pressed {
-            None => (&self.vertices, self.moments),
-            Some(part) => (part, moments(part, self.size) / self.area),
+        let is_near = twist.xy().norm() < FAR * self.size * twist.z.abs();
+        let mut resistance = match &pressed {
+            None if is_near => self.near(&self.vertices, twist, load),
+            None => self.far(self.points.iter().copied(), twist, load),
+            Some(part) if is_near => self.near(part, twist, load),
+            Some(part) => self.far(gauss_points(part, self.area), twist, load),
         };
-        let velocity = Vector2::new(twist.x, twist.y);
-        let mut resistance = if velocity.norm() < FAR * self.size * twist.z.abs() {
-            self.near(vertices, twist, load)
-        } else {
-            self.far(vertices, twist, load)
-        };
-        resistance.weighing = weighing;
+        resistance.weighing = pressed.map_or(self.moments, |part| moments(&part, self.size) / self.area);
         resistance
     }
 
@@ -142,23 +149,54 @@ impl Face {
         Resistance { by_load, by_twist, weighing: Matrix3::zeros(), slowest: f64::INFINITY }
     }
 
-    fn far(&self, vertices: &[Vector2<f64>], twist: &Vector3<f64>, load: &Vector3<f64>) -> Resistance {
-        let mut resistance = Resistance::nothing();
-        let points = GAUSS.iter().flat_map(|&(x, w)| [(0.5 - 0.5 * x, 0.5 * w), (0.5 + 0.5 * x, 0.5 * w)]);
-        for (i, from) in vertices.iter().enumerate() {
-            let to = vertices[(i + 1) % vertices.len()];
-            let cross = from.perp(&to) / self.area;
-            for (outwards, weight) in points.clone() {
-                for (along, other_weight) in points.clone() {
-                    let at = outwards * (from + along * (to - from));
-                    let share = cross * weight * other_weight * outwards;
-                    resistance.add_point(twist, load, at, share, self.size);
-                }
+    fn far(&self, points: impl Iterator<Item = GaussPoint>, twist: &Vector3<f64>, load: &Vector3<f64>) -> Resistance {
+        let (load_x, load_y) = (load.y / self.size, load.z / self.size);
+        // Friction under an even pressure and under those that rise along x and along y.
+        let mut by_load = [[0.0; 3]; 3];
+        let [mut xx, mut xy, mut yy, mut xm, mut ym, mut mm] = [0.0; 6];
+        for GaussPoint { at, share } in points {
+            let (u, v) = (twist.x - twist.z * at.y, twist.y + twist.z * at.x);
+            let per_speed = 1.0 / (u * u + v * v).sqrt();
+            let (fx, fy) = (u * per_speed, v * per_speed);
+            let moment = at.x * fy - at.y * fx;
+            let bears = share * per_speed * (load.x + load_x * at.x + load_y * at.y);
+            for (column, pressure) in by_load.iter_mut().zip([share, share * at.x, share * at.y]) {
+                column[0] += pressure * fx;
+                column[1] += pressure * fy;
+                column[2] += pressure * moment;
             }
+            xx += bears * (1.0 - fx * fx);
+            xy -= bears * fx * fy;
+            yy += bears * (1.0 - fy * fy);
+            xm -= bears * (at.y + fx * moment);
+            ym += bears * (at.x - fy * moment);
+            mm += bears * (at.x * at.x + at.y * at.y - moment * moment);
         }
-        resistance.slowest = f64::INFINITY;
-        resistance
+        let [even, along_x, along_y] = by_load.map(Vector3::from);
+        Resistance {
+            by_load: Matrix3::from_columns(&[even, along_x / self.size, along_y / self.size]),
+            by_twist: Matrix3::new(xx, xy, xm, xy, yy, ym, xm, ym, mm),
+            weighing: Matrix3::zeros(),
+            slowest: f64::INFINITY,
+        }
     }
+}
+
+/// Gauss points of a polygon, in triangles that its first vertex makes with its edges; shares are of an area of `area`, m².
+fn gauss_points(vertices: &[Vector2<f64>], area: f64) -> impl Iterator<Item = GaussPoint> + '_ {
+    let points = || GAUSS.iter().flat_map(|&(x, w)| [(0.5 - 0.5 * x, 0.5 * w), (0.5 + 0.5 * x, 0.5 * w)]);
+    // There may be none where nothing is pressed.
+    let first = vertices.first().copied().unwrap_or_default();
+    vertices.windows(2).skip(1).flat_map(move |edge| {
+        let (from, along) = (edge[0] - first, edge[1] - edge[0]);
+        let cross = from.perp(&along) / area;
+        points().flat_map(move |(outwards, weight)| {
+            points().map(move |(share, other_weight)| GaussPoint {
+                at: first + outwards * (from + share * along),
+                share: cross * weight * other_weight * outwards,
+            })
+        })
+    })
 }
 
 impl Sums {

@@ -134,20 +134,6 @@ impl Resistance {
         Self { by_load: none, by_twist: none, weighing: none, slowest: f64::INFINITY }
     }
 
-    /// Adds a point without a ring, of friction 1.
-    #[inline]
-    pub(super) fn add_point(
-        &mut self,
-        twist: &Vector3<f64>,
-        load: &Vector3<f64>,
-        at: Vector2<f64>,
-        share: f64,
-        size: f64,
-    ) {
-        let y = Vector3::new(1.0, at.x / size, at.y / size);
-        self.add(twist, at, 0.0, share, share * load.dot(&y), &y);
-    }
-
     /// Adds a ring: `friction` is its share times the coefficient, `bears` that times its load.
     #[inline]
     fn add(

@@ -59,17 +59,21 @@ impl SlowConstants {
     /// - `felt_late`: the median of felt less computed onsets; robot and force have different clocks.
     pub const BOARD: Self = Self {
         tip_ahead: -1.47e-3,
-        tip_left: -0.876e-3,
+        tip_left: -0.870e-3,
         radius: 0.3e-3,
-        height: 16.7e-3,
-        pressure_rise: 0.974,
-        friction: 0.306,
-        contact_friction: 0.462,
+        height: 17.5e-3,
+        pressure_rise: 1.006,
+        friction: 0.308,
+        contact_friction: 0.433,
         stick_ratio: 1.3,
         beyond_log: 1.2e-3,
-        felt_late: -0.452e-3,
+        felt_late: -0.450e-3,
     };
 }
+
+/// The finger's friction on the legs and the hypotenuse of the board's block, in that of all: of the sliding pushes of all five
+/// logs (`learning::edge_frictions`). In each log the hypotenuse, edge 1, is the smoothest.
+pub const BLOCK_EDGE_FRICTIONS: [f64; 3] = [1.03, 0.974, 1.08];
 
 /// Radius of gyration of the board's block: a right-angled triangle with legs of 150 mm.
 const BOARD_GYRATION_M: f64 = 0.05;

@@ -7,13 +7,14 @@
 //! Frames: world. Units: SI, residuals in standard deviations. Errors: none; where nothing can be simulated, what is
 //! known beforehand remains.
 
-use nalgebra::{Point2, SVector};
+use nalgebra::{Point2, Rotation2, SVector, Vector2};
 
 use super::constants::{FilterSettings, SlowConstants, Spread};
-use super::felt::{FeltPush, Onset};
+use super::felt::{FeltForce, FeltPush, Onset};
 use super::filter::ParameterBelief;
 use super::scene::{PushParameters, SlowScene, Standing};
-use crate::geometry::{Pose, SimplePolygon};
+use crate::finger::contact::friction::{PushAlongEdge, sliding_friction};
+use crate::geometry::{Pose, SimplePolygon, distance_to_segment};
 use crate::math::least_squares::{Enough, LeastSquaresProblem, LeastSquaresSettings, NormalEquations, minimise};
 
 /// A push whose poses before and after are known.
@@ -172,6 +173,56 @@ pub fn learned(scene: &SlowScene, earlier: &[KnownPush], filter: &FilterSettings
     (scene, ParameterBelief { middle, spread })
 }
 
+/// The finger's friction on each edge of an outline (part frame, as is the centre of mass, m), in that of all edges: sides
+/// that were made in different ways hold a finger differently. The force of pushes in which the finger slid far along an edge tells
+/// it, without a model of pushing; an edge along which too few slid has 1.
+#[must_use]
+pub fn edge_frictions(
+    outline: &SimplePolygon,
+    centre_of_mass: Point2<f64>,
+    logs: &[KnownLog<'_>],
+    constants: &SlowConstants,
+) -> Vec<f64> {
+    let edges: Vec<_> = outline.edges().map(|(from, to)| [from - centre_of_mass, to - centre_of_mass]).collect();
+    let pushes = || logs.iter().flat_map(|log| log.pushes).filter_map(|push| along_edge(&edges, push, constants));
+    let middle = |pushes: Vec<PushAlongEdge>| sliding_friction(&pushes, 0.5).map(|found| found.mu_c.value);
+    let all = middle(pushes().map(|(_, push)| push).collect());
+    let of_edge = |edge: usize| {
+        let own = middle(pushes().filter(|(touched, _)| *touched == edge).map(|(_, push)| push).collect());
+        own.and_then(|own| Ok(own / all?)).unwrap_or(1.0)
+    };
+    (0..edges.len()).map(of_edge).collect()
+}
+
+/// The edge (body frame) that a push met, with the way along it to the push's end and the angles of the force: the part is
+/// taken to turn evenly.
+fn along_edge(
+    edges: &[[Vector2<f64>; 2]],
+    push: &KnownPush,
+    constants: &SlowConstants,
+) -> Option<(usize, PushAlongEdge)> {
+    let KnownPush { felt, before, after } = push;
+    let Onset::At(onset) = felt.onset else { return None };
+    let end = felt.end + constants.beyond_log;
+    let tip = Rotation2::new(felt.tool_yaw) * Vector2::new(constants.tip_ahead, constants.tip_left);
+    let seen = |pose: &Pose, travel: f64| {
+        pose.isometry().inverse_transform_point(&(felt.origin + tip + felt.direction * travel))
+    };
+    let (first, last) = (seen(before, onset), seen(after, end));
+    let distance = |edge: usize| distance_to_segment(first, edges[edge][0].into(), edges[edge][1].into());
+    let edge = (0..edges.len()).min_by(|a, b| distance(*a).total_cmp(&distance(*b)))?;
+    let way = (edges[edge][1] - edges[edge][0]).normalize();
+    let inward = Vector2::new(-way.y, way.x);
+    let turned = after.minus(before).z;
+    let angle = |force: &FeltForce| {
+        let theta = before.theta + turned * ((force.travel - onset) / (end - onset));
+        let force = Rotation2::new(-theta) * force.force;
+        inward.perp(&force).atan2(inward.dot(&force))
+    };
+    let angles = felt.forces.iter().filter(|force| force.travel >= onset).map(angle).collect();
+    Some((edge, PushAlongEdge { slip: way.dot(&(last - first)), angles }))
+}
+
 /// Pushes of one part on one thing it stands on.
 #[derive(Clone, Copy, Debug)]
 pub struct KnownLog<'a> {
@@ -187,14 +238,15 @@ const CONSTANTS: usize = 5;
 /// Their units: a step of a difference is [`DIFFERENCE`] of these.
 const CONSTANT_UNITS: [f64; CONSTANTS] = [0.5e-3, 0.5e-3, 10e-3, 0.3, 0.2];
 
-/// The constants that best explain where parts came to lie, begun at others; the plane's friction by the median of the
-/// forces.
+/// The constants that best explain where parts came to lie, begun at others, with the finger's friction on each edge as
+/// [`edge_frictions`] has it; the plane's friction by the median of the forces.
 #[must_use]
 pub fn calibrated(
     outline: &SimplePolygon,
     centre_of_mass: Point2<f64>,
     mass: f64,
     logs: &[KnownLog<'_>],
+    edge_frictions: &[f64],
     from: SlowConstants,
     stride: f64,
 ) -> SlowConstants {
@@ -210,7 +262,10 @@ pub fn calibrated(
             ..from
         }
     };
-    let scene = |standing: &Standing, constants| SlowScene::new(outline, centre_of_mass, mass, standing, constants);
+    let scene = |standing: &Standing, constants| {
+        let scene = SlowScene::new(outline, centre_of_mass, mass, standing, constants)?;
+        Some(scene.with_edge_frictions(edge_frictions))
+    };
     let residuals = |unknowns: &SVector<f64, CONSTANTS>| {
         let mut residuals = Vec::new();
         for log in logs {

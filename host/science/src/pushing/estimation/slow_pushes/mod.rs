@@ -23,10 +23,10 @@ mod tests;
 mod tip_gaps;
 
 pub use cloud::{Cloud, Heap, Kernel};
-pub use constants::{FilterSettings, SlowConstants, Spread};
+pub use constants::{BLOCK_EDGE_FRICTIONS, FilterSettings, SlowConstants, Spread};
 pub use felt::{FeltForce, FeltPush, Onset};
 pub use filter::{AfterPush, Before, ParameterBelief, SlowFilter};
-pub use learning::{KnownLog, KnownPush, calibrated, learned};
+pub use learning::{KnownLog, KnownPush, calibrated, edge_frictions, learned};
 pub use region::{CELL, Cells, Region};
 pub use scene::{PushParameters, SimulatedPush, SlowScene, Standing};
 pub use tip_gaps::{TipFromGaps, TipGapsError, tip_from_gaps};

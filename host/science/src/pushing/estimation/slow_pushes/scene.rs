@@ -125,6 +125,13 @@ impl SlowScene {
         moved
     }
 
+    /// The same with a friction of the finger of its own on each edge of the outline, in that of the constants; edges
+    /// beyond the last have 1.
+    #[must_use]
+    pub fn with_edge_frictions(&self, factors: &[f64]) -> Self {
+        Self { outline: self.outline.clone().with_edge_frictions(factors), ..self.clone() }
+    }
+
     /// The same with the ellipsoidal limit surface that has these feet's or this face's largest force and moment, which
     /// no load transfer reaches: a ring about the centre of mass whose radius is the mean distance of the load.
     #[must_use]

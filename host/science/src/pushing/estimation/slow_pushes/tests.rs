@@ -175,6 +175,34 @@ fn a_log_teaches_the_friction_that_made_it() {
 }
 
 #[test]
+fn sliding_pushes_tell_the_friction_of_each_edge() {
+    let factors = [1.3, 0.8, 1.0];
+    let truth = scene().with_edge_frictions(&factors);
+    let before = Pose { x: 0.0, y: 0.0, theta: 0.0 };
+    // At 48° to 54° to the normals of legs and hypotenuse, which the finger slides along on its way past the middle.
+    let known: Vec<_> = [140.0_f64, -50.0, 175.0, -85.0]
+        .into_iter()
+        .flat_map(|way| (0..6).map(move |i| (way + f64::from(i % 3), 2e-3 * f64::from(i - 2))))
+        .map(|(way, aside)| {
+            let (felt, after) = pushed(&truth, &before, way.to_radians(), aside);
+            KnownPush { felt, before, after }
+        })
+        .collect();
+    let outline = SimplePolygon::new([[0.0, 0.0], [0.15, 0.0], [0.0, 0.15]].map(Point2::from)).unwrap();
+    let standing = Standing::Face;
+    let logs = [KnownLog { standing: &standing, pushes: &known }];
+    let found = edge_frictions(&outline, Point2::new(0.05, 0.05), &logs, &SlowConstants::BOARD);
+    // The force's frame is turned by 0.01 rad in every push: 3 % of the tangent, and its sign goes with the side.
+    for edge in [0, 2] {
+        let ratio = found[edge] / found[1] * factors[1] / factors[edge];
+        assert!((ratio - 1.0).abs() < 0.06, "edge {edge}: {found:?}");
+    }
+    // Nothing slid, nothing is told.
+    let few = [KnownLog { standing: &standing, pushes: &known[..2] }];
+    assert_eq!(edge_frictions(&outline, Point2::new(0.05, 0.05), &few, &SlowConstants::BOARD), [1.0; 3]);
+}
+
+#[test]
 fn as_many_are_taken_as_weights_say() {
     let taken = resampled(&[0.0, 1.0, 3.0, 0.0], 400, &mut Draw::new(1));
     let count = |number| taken.iter().filter(|taken| **taken == number).count();
