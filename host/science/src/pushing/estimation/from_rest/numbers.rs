@@ -3,6 +3,9 @@
 //! Each number has a prior and is told in its standard deviations. What it changes of the force is straight only near where
 //! it is taken to be: so each fit begins where the one before came to, until nothing changes (Gauss and Newton).
 //!
+//! What all that is not known leaves open is sampled: the same fits of what might have been felt instead, each number with its
+//! prior drawn too, begun at the minimum and all along its edge. Where a valley bends, slopes at its lowest point say too little.
+//!
 //! Units: SI. Errors: none; an outline whose edges cross has no fit.
 
 use nalgebra::{DVector, Vector2};
@@ -29,10 +32,10 @@ struct Effort {
 }
 
 /// Of what is listed.
-const EFFORT: Effort = Effort { fits: 12, steps: usize::MAX };
+const EFFORT: Effort = Effort { fits: 16, steps: usize::MAX };
 
 /// Of one of many samples, which may stop within a fraction of a deviation of its minimum.
-const REDRAWN_EFFORT: Effort = Effort { fits: 3, steps: 6 };
+const REDRAWN_EFFORT: Effort = Effort { fits: 4, steps: 8 };
 
 /// Of what only leads there, at the most.
 const FITS_BEFORE: usize = 3;
@@ -45,7 +48,7 @@ const NOISIER: [f64; 3] = [16.0, 6.0, 2.5];
 const COST_STEP: f64 = 0.01;
 
 /// Minima of a search that are followed with numbers found too.
-pub(super) const NUMBERED_LEADS: usize = 16;
+pub(super) const NUMBERED_LEADS: usize = 32;
 
 /// A motion that numbers tell.
 pub(super) trait MotionNumbers {
