@@ -333,10 +333,11 @@ impl<'a, 'p> FeltPush<'a, 'p> {
     fn minimum(&self, guess: Guess, thoroughly: bool, halt: &Halt<'_>) -> Option<Minimum> {
         let found = if self.known.has_numbers() || self.path.is_some() {
             let explains = |tried: &Tried| tried.cost <= self.cost_max(&self.problem(&self.course), tried);
-            Fitted::Numbered(self.unknown().found(guess, &self.felt, &self.roughly, explains, thoroughly, halt)?)
+            let unknown = self.unknown();
+            Fitted::Numbered(unknown.found(guess, &self.felt, &self.roughly, explains, thoroughly, halt)?.into())
         } else {
             let problem = self.problem(&self.course);
-            Fitted::Plain(problem.descend(problem.try_guess(guess)?, usize::MAX))
+            Fitted::Plain(problem.descend(problem.try_guess(guess)?, usize::MAX).into())
         };
         let course = self.course_of(&found);
         let problem = self.problem(&course);
@@ -487,14 +488,15 @@ struct Leads {
 /// What a fit came to.
 enum Fitted {
     /// All numbers are as they are told.
-    Plain(Tried),
-    Numbered(NumberedMinimum),
+    Plain(Box<Tried>),
+    Numbered(Box<NumberedMinimum>),
 }
 
 impl Fitted {
     fn tried(&self) -> &Tried {
         match self {
-            Self::Plain(tried) | Self::Numbered(NumberedMinimum { tried, .. }) => tried,
+            Self::Plain(tried) => tried,
+            Self::Numbered(found) => &found.tried,
         }
     }
 
