@@ -8,6 +8,8 @@
 //!
 //! Units: SI. Errors: none; an outline whose edges cross has no fit.
 
+use std::borrow::Cow;
+
 use nalgebra::{DVector, Vector2};
 
 use super::GATE;
@@ -118,56 +120,31 @@ pub(super) const fn redrawn_of(listed_of_edge: usize) -> usize {
     if each > REDRAWN_MIN { each } else { REDRAWN_MIN }
 }
 
-/// What was felt, with what numbers change of every guess held.
-#[derive(Debug)]
-struct HeldNumbers<'a> {
-    felt: &'a dyn Felt,
-    numbers: Vec<OfNumber>,
-}
-
-impl Felt for HeldNumbers<'_> {
-    fn data(&self) -> &DVector<f64> {
-        self.felt.data()
-    }
-
-    fn freedom(&self) -> f64 {
-        self.felt.freedom()
-    }
-
-    fn first(&self) -> Vector2<f64> {
-        self.felt.first()
-    }
-
-    fn predicted(&self, path: &Path, delay: f64) -> Predicted {
-        Predicted { numbers: self.numbers.clone(), ..self.felt.predicted(path, delay) }
-    }
-
-    fn onset_sd(&self) -> Option<f64> {
-        self.felt.onset_sd()
-    }
-
-    fn carried(&self, legs: &[Leg]) -> Option<DVector<f64>> {
-        self.felt.carried(legs)
-    }
-
-    fn onsets_tried(&self) -> Vec<f64> {
-        self.felt.onsets_tried()
-    }
-}
-
 /// Something to fit instead of what was felt.
 #[derive(Debug)]
 struct Instead<'a> {
     felt: &'a dyn Felt,
-    data: DVector<f64>,
-    /// By how much noise is larger, as a factor.
-    noise: f64,
+    data: Cow<'a, DVector<f64>>,
+    /// By how much noise is larger, as a factor; none where it is the same.
+    noise: Option<f64>,
+    /// What numbers change, held for every guess.
+    numbers: Vec<OfNumber>,
 }
 
 impl<'a> Instead<'a> {
+    /// Other data.
+    fn redrawn(felt: &'a dyn Felt, data: DVector<f64>) -> Self {
+        Self { felt, data: Cow::Owned(data), noise: None, numbers: Vec::new() }
+    }
+
     /// The same with noise so many times as large.
     fn noisier(felt: &'a dyn Felt, noise: f64) -> Self {
-        Self { felt, data: felt.data() / noise, noise }
+        Self { noise: Some(noise), ..Self::redrawn(felt, felt.data() / noise) }
+    }
+
+    /// The same with what numbers change held.
+    fn held(felt: &'a dyn Felt, numbers: Vec<OfNumber>) -> Self {
+        Self { felt, data: Cow::Borrowed(felt.data()), noise: None, numbers }
     }
 }
 
@@ -185,7 +162,12 @@ impl Felt for Instead<'_> {
     }
 
     fn predicted(&self, path: &Path, delay: f64) -> Predicted {
-        self.felt.predicted(path, delay).with_noise(self.noise)
+        let predicted = self.felt.predicted(path, delay);
+        let predicted = match self.noise {
+            Some(noise) => predicted.with_noise(noise),
+            None => predicted,
+        };
+        Predicted { numbers: self.numbers.clone(), ..predicted }
     }
 
     fn onset_sd(&self) -> Option<f64> {
@@ -193,7 +175,7 @@ impl Felt for Instead<'_> {
     }
 
     fn carried(&self, legs: &[Leg]) -> Option<DVector<f64>> {
-        Some(self.felt.carried(legs)? / self.noise)
+        Some(self.felt.carried(legs)? / self.noise.unwrap_or(1.0))
     }
 
     fn onsets_tried(&self) -> Vec<f64> {
@@ -269,7 +251,7 @@ impl Unknown<'_, '_> {
             let begun = self.begun(Guess { mu_g_log: guess.mu_g_log - mu_g_log, ..guess })?;
             let begun = NumberedGuess { off: minimum.taken.clone(), prior, ..begun };
             let unknown = Unknown { course: &course, ..*self };
-            let mut found = unknown.fitted(&begun, &[&Instead { felt, data, noise: 1.0 }], REDRAWN_EFFORT, halt)?;
+            let mut found = unknown.fitted(&begun, &[&Instead::redrawn(felt, data)], REDRAWN_EFFORT, halt)?;
             found.tried.guess.mu_g_log += mu_g_log;
             (self.cost(&found, felt)? <= tried.cost + GATE).then_some(found)
         };
@@ -308,7 +290,7 @@ impl Unknown<'_, '_> {
                 let problem = Problem { course: &course, measured, mass: self.mass };
                 let begin = problem.try_guess(guess)?;
                 // What the numbers change follows the guess slowly: it is seen once a fit.
-                let held = HeldNumbers { felt: measured, numbers: begin.predicted.numbers.clone() };
+                let held = Instead::held(measured, begin.predicted.numbers.clone());
                 let sure = Problem { course: &course.sure(), measured: &held, mass: self.mass };
                 let tried = sure.descend(begin, effort.steps);
                 guess = tried.guess;
