@@ -686,7 +686,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
             let state = step.again(self.model(), &leg.contact, share * step.length).end();
             self.margins_at(leg, step, share, &state)[event]
         };
-        if exact(beyond) < 0.0 { Some(first_ended(|share| exact(share) < 0.0, beyond, 0.0)) } else { None }
+        if exact(beyond) < 0.0 { Some(first_ended(exact, beyond, 0.0)) } else { None }
     }
 
     /// Where a margin is below zero around the look `i`, if it is lowest there.

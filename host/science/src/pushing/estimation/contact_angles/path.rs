@@ -296,7 +296,7 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> PathSimulation<'_, '_, T, F> {
         if end >= 0.0 || end.is_nan() {
             return None;
         }
-        Some(first_ended(|share| self.margin_within(now, length, share) < 0.0, 1.0, SHARE_NONE))
+        Some(first_ended(|share| self.margin_within(now, length, share), 1.0, SHARE_NONE))
     }
 
     /// The margin after a share of a step.
