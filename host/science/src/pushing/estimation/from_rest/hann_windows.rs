@@ -24,7 +24,7 @@ pub(super) const GRID_S: f64 = 0.005;
 const GRID_POINTS: usize = 8;
 
 /// Grid points from one window to the next.
-const GRID_HOP: usize = 4;
+pub(super) const GRID_HOP: usize = 4;
 
 /// Correlation of neighbouring windows under independent noise.
 pub(crate) const NEIGHBOUR_CORRELATION: f64 = 1.0 / 6.0;

@@ -175,7 +175,7 @@ fn search(problem: &Problem, halt: &Halt<'_>) -> Vec<super::Tried> {
     let sides = part.sides();
     let distinct = sides.len() / symmetry::order(part);
     let wanted = sides.take(distinct).take_while(|_| !halt.is_wished());
-    descend_all(problem, wanted.flat_map(|(edge, _)| seeds::on_edge(problem, edge, Cover::Coarse)).collect(), halt)
+    descend_all(problem, wanted.flat_map(|(edge, _)| seeds::on_edge(problem, edge, Cover::Dense)).collect(), halt)
 }
 
 /// Angle between the first force on the finger and the reverse of its acceleration.

@@ -30,6 +30,7 @@
 mod end;
 mod explained;
 mod felt;
+mod first_look;
 mod fit;
 mod friction_along;
 pub mod hann_windows;
@@ -55,12 +56,13 @@ use nalgebra::Translation2;
 use end::{EndCovariance, Reach};
 pub use explained::ExplainedForce;
 use felt::Felt as _;
+pub use first_look::coarse_misfit;
 use fit::{MU_C_MIN, Problem, Tried};
 use friction_along::FrictionAlong;
 use model::range;
 use numbers::{NUMBERED_LEADS, NumberedMinimum, Unknown, redrawn_of};
 pub use part_errors::PartErrors;
-use path::{Course, CourseStart, Guess};
+use path::{Course, CourseStart, Guess, Resolution};
 use seeds::Cover;
 pub use windowed_force::{CalibrationUncertainty, CarriedFinger, Uncertainty, WindowedForce};
 
@@ -227,12 +229,14 @@ impl PartUnknown<'_, '_> {
 
 /// Minima all over some edges.
 fn search(problem: &Problem, edges: &[usize], halt: &Halt<'_>) -> Vec<Tried> {
-    let search = |cover: Cover| descend_all(problem, starts(problem, edges, cover, halt), halt);
-    let mut tried = search(Cover::Coarse);
+    let course = problem.course.coarse();
+    let coarse = Problem { course: &course, ..*problem };
+    let search = |cover: Cover| descend_all(problem, starts(&coarse, edges, cover, halt), halt);
+    let mut tried = search(Cover::Dense);
     // What nothing explains, though something nearly does, may have its explanation between the guesses.
     let limit = misfit_limit(problem.measured.data().len(), problem.measured.freedom());
     if (limit..NEARLY * limit).contains(&least_cost(&tried)) {
-        tried.extend(search(Cover::Fine));
+        tried.extend(search(Cover::Denser));
     }
     tried.extend(on_other_edges(problem, edges, &tried, halt));
     tried.extend(at_other_places(problem, &tried, halt));
@@ -248,20 +252,6 @@ fn starts(problem: &Problem, edges: &[usize], cover: Cover, halt: &Halt<'_>) -> 
         CourseStart::Moving => moving_seeds::on_edge(problem, edge, cover),
     });
     starts.collect()
-}
-
-/// How far a part is from explaining what was felt, as far as the first steps from guesses all over it tell: the least cost
-/// over the largest that noise leaves once in a thousand times. Its minima are lower; [`Shortlist`](super::Shortlist) says by how much.
-#[must_use]
-pub fn coarse_misfit(known: &KnownFromRest, measured: &WindowedForce) -> f64 {
-    let halt = &Halt::new(&never);
-    let edges = symmetry::distinct(known.part, symmetry::order(known.part));
-    let measured = measured.of_contact(known.motion, known.finger);
-    // What is not known of the part counts as noise.
-    let measured = known.errors.map_or(measured.clone(), |errors| measured.roughly(errors.share(known.part)));
-    let problem = Problem { course: &course(known, &measured), measured: &measured, mass: None };
-    let begun = begin_all(&problem, starts(&problem, &edges, Cover::Coarse, halt), halt);
-    least_cost(&begun) / misfit_limit(measured.data().len(), measured.freedom())
 }
 
 /// The best minima that may be listed, or lead to one that is: no two nearer than those that are one in an answer.
@@ -471,14 +461,18 @@ fn course<'p>(known: &KnownFromRest<'p>, measured: &WindowedForce) -> Course<'p>
         start: CourseStart::Rest,
         legs: known.motion.legs(known.radius).collect(),
         duration: hann_windows::end(measured.span() - 1),
+        resolution: Resolution::Fine,
     }
 }
 
-/// Goes down from every start, giving up what stays far above the best. Only what came to its minimum before the wish
-/// to halt is kept.
+/// Goes down from every start, giving up what stays far above the best; the first steps are coarse ones. Only what came to its
+/// minimum before the wish to halt is kept.
 fn descend_all(problem: &Problem, starts: Vec<Tried>, halt: &Halt<'_>) -> Vec<Tried> {
-    let tried = begin_all(problem, starts, halt).into_iter().take_while(|_| !halt.is_wished());
-    tried.map(|tried| problem.descend(tried, usize::MAX)).collect()
+    let course = problem.course.coarse();
+    let begun = begin_all(&Problem { course: &course, ..*problem }, starts, halt);
+    let begun = begun.into_iter().take_while(|_| !halt.is_wished());
+    let begun = begun.filter_map(|begun| problem.try_guess(begun.guess));
+    begun.map(|tried| problem.descend(tried, usize::MAX)).collect()
 }
 
 /// The first steps of that, after which what is left is worth being followed.

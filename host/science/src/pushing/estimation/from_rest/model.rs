@@ -15,6 +15,7 @@ use nalgebra::{Isometry2, Point2, Rotation2, Vector2};
 
 use super::symmetry::ROUND;
 use crate::math::Jet;
+use crate::math::ode::{self, Moment};
 use crate::pushing::dynamics::contact_mode::jams;
 use crate::pushing::dynamics::{
     ContactLaw, ContactMode, EdgeEnd, FingerShape, Motion, Part, PartSide, Push, PushModel, RestError, RestStart,
@@ -45,6 +46,24 @@ fn unit(side: &PartSide) -> f64 {
     match side {
         PartSide::Edge(_) => 1.0,
         PartSide::Ellipse { semi_axes: [a, b], .. } => (0.5 * (a * a + b * b)).sqrt(),
+    }
+}
+
+/// A motion, and how what turns and slides settles in it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SettlingMotion {
+    pub(super) motion: Motion,
+    /// Derivatives of the accelerations of turning and sliding by their speeds, row by row, 1/s where lengths cancel.
+    pub(super) settling: [[f64; 2]; 2],
+}
+
+/// Without derivatives.
+fn plain<const N: usize>(motion: &Motion<Jet<N>>) -> Motion {
+    let State { u, s, omega, v_t } = motion.rates;
+    Motion {
+        rates: State { u: u.value, s: s.value, omega: omega.value, v_t: v_t.value },
+        normal_force: motion.normal_force.value,
+        tangential_force: motion.tangential_force.value,
     }
 }
 
@@ -145,13 +164,7 @@ impl<'p> PlayedModel<'p> {
             Self::Edge(model) => model.motion(contact, time, state),
             Self::Shaped(shaped) => {
                 let own = shaped.own(state);
-                let motion = shaped.model.motion(contact, time, &own);
-                let rates = motion.rates;
-                let u = match shaped.model.shape {
-                    FingerShape::Ellipse { .. } => rates.u * shaped.model.shape.normal_rate(own.u),
-                    _ => rates.u,
-                };
-                Motion { rates: State { u, s: rates.s * shaped.unit, ..rates }, ..motion }
+                shaped.sought_motion(own.u, shaped.model.motion(contact, time, &own))
             }
         }
     }
@@ -240,10 +253,13 @@ impl<'p> PlayedModel<'p> {
         }
     }
 
-    /// The state a step later, s.
-    pub(super) fn step(&self, contact: &ContactMode, time: f64, state: &State, dt: f64) -> State {
+    /// The state a step later, s, of which the rates at its start are known.
+    pub(super) fn step(&self, contact: &ContactMode, time: f64, state: &State, rates: &State, dt: f64) -> State {
         match self {
-            Self::Edge(model) => model.step(contact, time, state, dt),
+            Self::Edge(model) => ode::step(state, dt, |moment, state| match moment {
+                Moment::Start => *rates,
+                Moment::Middle | Moment::End => model.motion(contact, moment.time(time, dt), state).rates,
+            }),
             Self::Shaped(shaped) => self.sought_near(state, &shaped.model.step(contact, time, &shaped.own(state), dt)),
         }
     }
@@ -266,21 +282,31 @@ impl<'p> PlayedModel<'p> {
         State { u: near.u + (after.u - back.u), ..after }
     }
 
-    /// Derivatives of the accelerations of turning and sliding by their speeds, row by row.
-    pub(super) fn settling(&self, contact: &ContactMode, time: f64, state: &State) -> [[f64; 2]; 2] {
+    /// The motion, and how turning and sliding settle.
+    pub(super) fn settling(&self, contact: &ContactMode, time: f64, state: &State) -> SettlingMotion {
         let State { u, s, omega, v_t } = self.own(state);
-        let state = State {
+        let lifted = State {
             u: Jet::constant(u),
             s: Jet::constant(s),
             omega: Jet::variable(omega, 0),
             v_t: Jet::variable(v_t, 1),
         };
-        let contact = contact.map(Jet::constant);
-        let rates = match self {
-            Self::Edge(model) => model.lifted::<Jet<2>>().motion(&contact, time, &state).rates,
-            Self::Shaped(shaped) => shaped.model.lifted::<Jet<2>>().motion(&contact, time, &state).rates,
-        };
-        [rates.omega.slopes, rates.v_t.slopes]
+        match self {
+            Self::Edge(model) => {
+                let motion = model.lifted::<Jet<2>>().motion(&contact.map(Jet::constant), time, &lifted);
+                SettlingMotion {
+                    settling: [motion.rates.omega.slopes, motion.rates.v_t.slopes],
+                    motion: plain(&motion),
+                }
+            }
+            Self::Shaped(shaped) => {
+                let motion = shaped.model.lifted::<Jet<2>>().motion(&contact.map(Jet::constant), time, &lifted);
+                SettlingMotion {
+                    settling: [motion.rates.omega.slopes, motion.rates.v_t.slopes],
+                    motion: shaped.sought_motion(u, plain(&motion)),
+                }
+            }
+        }
     }
 
     /// Whether the finger can touch there, outside the part, and push.
@@ -304,5 +330,15 @@ impl Shaped<'_> {
     /// A state in the outlines' own parameters.
     fn own(&self, state: &State) -> State {
         State { u: self.model.shape.with_normal(state.u), s: state.s / self.unit, ..*state }
+    }
+
+    /// A motion in the numbers of a search, from one in the outlines' own parameters.
+    fn sought_motion(&self, own_u: f64, motion: Motion) -> Motion {
+        let rates = motion.rates;
+        let u = match self.model.shape {
+            FingerShape::Ellipse { .. } => rates.u * self.model.shape.normal_rate(own_u),
+            _ => rates.u,
+        };
+        Motion { rates: State { u, s: rates.s * self.unit, ..rates }, ..motion }
     }
 }

@@ -19,7 +19,7 @@ use nalgebra::{Isometry2, Vector2};
 use super::felt::NumberOff;
 use super::friction_along::FrictionAlong;
 use super::hann_windows;
-use super::model::PlayedModel;
+use super::model::{PlayedModel, SettlingMotion};
 use super::symmetry::ROUND;
 use crate::pushing::dynamics::contact_mode::ContactFriction;
 use crate::pushing::dynamics::mode_change::first_ended;
@@ -38,6 +38,9 @@ const STEP_OF_MEMORY: f64 = 2.0;
 /// Where steps would be shorter than this, s, they are implicit and as long as the grid: of a part that hardly moves yet,
 /// or nearly stops, what turns and slides settles meanwhile.
 const STEP_STIFF_S: f64 = 1e-4;
+
+/// The same of coarse steps, s: an implicit one costs as much as two explicit ones.
+const STEP_STIFF_COARSE_S: f64 = 0.01;
 
 /// How exactly a change of the contact is found, as a share of a step: 25 ns of a step of 5 ms, so that forces are
 /// smooth in the guess.
@@ -74,6 +77,34 @@ impl Guess {
     /// A part at rest, µ g and the onset being what they are taken for; the rest is to be filled in.
     pub(super) const AT_REST: Self =
         Self { edge: 0, u: 0.0, s: 0.0, mu_c: f64::INFINITY, mu_g_log: 0.0, delay: 0.0, omega: 0.0, slide: 0.0 };
+}
+
+/// How closely a push is followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Resolution {
+    /// Steps of the windows' grid: poses come out within a micrometre.
+    Fine,
+    /// Steps of a window's hop, implicit ones wherever what turns and slides settles within: forces come out within some
+    /// hundredths, five times as quickly. For a first look.
+    Coarse,
+}
+
+impl Resolution {
+    /// Periods of the windows' grid to a step, at the most.
+    fn stride(self) -> usize {
+        match self {
+            Self::Fine => 1,
+            Self::Coarse => hann_windows::GRID_HOP,
+        }
+    }
+
+    /// Where explicit steps would be shorter than this, s, they are implicit.
+    fn stiff_s(self) -> f64 {
+        match self {
+            Self::Fine => STEP_STIFF_S,
+            Self::Coarse => STEP_STIFF_COARSE_S,
+        }
+    }
 }
 
 /// How the part is at the start.
@@ -281,6 +312,7 @@ pub(super) struct Course<'p> {
     pub(super) legs: Vec<Leg>,
     /// When the data end, s.
     pub(super) duration: f64,
+    pub(super) resolution: Resolution,
 }
 
 impl<'p> Course<'p> {
@@ -296,6 +328,15 @@ impl<'p> Course<'p> {
     /// The same with everything known.
     pub(super) fn sure(&self) -> Self {
         Self { changed: &[], off: &[], ..self.clone() }
+    }
+
+    /// The same for a first look. Of a part that moves already much happens within a window's hop: one of thirty was lost.
+    pub(super) fn coarse(&self) -> Self {
+        let resolution = match self.start {
+            CourseStart::Rest => Resolution::Coarse,
+            CourseStart::Moving => Resolution::Fine,
+        };
+        Self { resolution, ..self.clone() }
     }
 
     /// The same with something changed.
@@ -337,7 +378,7 @@ impl<'p> Course<'p> {
             }
             let last = index + 1 == self.legs.len();
             let until = if last { self.duration } else { leg.to.min(self.duration) };
-            simulation.follow(until)?;
+            simulation.follow(until, self.resolution)?;
         }
         simulation.note_end();
         Ok(simulation.path)
@@ -418,6 +459,8 @@ struct PathSimulation<'a, 'p> {
     time: f64,
     state: State,
     contact: ContactMode,
+    /// What these lead to.
+    now: SettlingMotion,
     path: Path,
 }
 
@@ -450,7 +493,8 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
             slipped: contact != ContactMode::Rolling,
             course: ModeCourse::of(&contact),
         };
-        Ok(Self { model, leg_from: 0.0, mu_c, along, time: later, state, contact, path })
+        let now = model.settling(&contact, later, &state);
+        Ok(Self { model, leg_from: 0.0, mu_c, along, time: later, state, contact, now, path })
     }
 
     fn begin_moving(
@@ -473,7 +517,8 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
             return Err(Lost::Start);
         }
         let contact = friction.at_slip(slip, rolling);
-        let motion = model.motion(&contact, -leg_from, &state);
+        let now = model.settling(&contact, -leg_from, &state);
+        let motion = now.motion;
         if !motion.force().pushes() || model.is_jammed(&contact, &state) {
             return Err(Lost::Contact);
         }
@@ -490,7 +535,7 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
             slipped: contact != ContactMode::Rolling,
             course: ModeCourse::of(&contact),
         };
-        Ok(Self { model, leg_from, mu_c, along, time: 0.0, state, contact, path })
+        Ok(Self { model, leg_from, mu_c, along, time: 0.0, state, contact, now, path })
     }
 
     /// The friction at a place on the edge, m.
@@ -509,28 +554,29 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
     /// A contact as it is on the way over a step, s: that of its middle.
     fn contact_over(&self, length: f64) -> ContactMode {
         let is_one = self.along.is_constant() || self.contact == ContactMode::Rolling;
-        if is_one { self.contact } else { self.contact_at(self.state.s + 0.5 * length * self.motion().rates.s) }
+        if is_one { self.contact } else { self.contact_at(self.state.s + 0.5 * length * self.now.motion.rates.s) }
     }
 
-    fn motion(&self) -> Motion {
-        self.model.motion(&self.contact, self.time - self.leg_from, &self.state)
+    /// Sees what time, state and contact lead to, one of which has changed.
+    fn look(&mut self) {
+        self.now = self.model.settling(&self.contact, self.time - self.leg_from, &self.state);
     }
 
     fn force(&self) -> Vector2<f64> {
-        let motion = self.motion();
-        on_finger(self.model.normal_angle(self.state.u), motion.normal_force, motion.tangential_force)
+        let Motion { normal_force, tangential_force, .. } = self.now.motion;
+        on_finger(self.model.normal_angle(self.state.u), normal_force, tangential_force)
     }
 
     /// Goes on to a time, s.
-    fn follow(&mut self, until: f64) -> Result<(), Lost> {
+    fn follow(&mut self, until: f64, resolution: Resolution) -> Result<(), Lost> {
         while self.time < until - SAME_TIME_S {
-            let grid = hann_windows::GRID_S * as_f64(self.path.smooth.len());
+            let next = self.path.smooth.len() + resolution.stride() - 1;
+            let left = (hann_windows::GRID_S * as_f64(next) - self.time).min(until - self.time);
             let explicit = STEP_OF_MEMORY / self.fastest_rate();
-            let left = (grid - self.time).min(until - self.time);
             // An explicit one is cheaper where it reaches as far.
-            let stiff = explicit < STEP_STIFF_S.min(left);
+            let stiff = explicit < resolution.stiff_s().min(left);
             self.step(if stiff { left } else { explicit.min(left) }, stiff)?;
-            self.note(grid);
+            self.note(next);
         }
         self.path.end = State { v_t: self.v_t(), ..self.state };
         self.path.contact = self.contact;
@@ -541,7 +587,7 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
     /// their accelerations by them. Friction resists a slow part the harder the slower it is, and a contact that slides
     /// near its jam multiplies what it feels.
     fn fastest_rate(&self) -> f64 {
-        let [[a, b], sliding] = self.model.settling(&self.contact, self.time - self.leg_from, &self.state);
+        let [[a, b], sliding] = self.now.settling;
         // A contact that rolls has no velocity along it of its own.
         let [c, d] = if self.contact == ContactMode::Rolling { [0.0; 2] } else { sliding };
         let (half, determinant) = (0.5 * (a + d), a * d - b * c);
@@ -556,14 +602,19 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
         }
     }
 
-    /// Keeps what belongs to the path at this time.
-    fn note(&mut self, grid: f64) {
+    /// Keeps what belongs to the path at this time, up to a point of the grid where that is it; straight lines lead there from
+    /// the last one.
+    fn note(&mut self, next: usize) {
         let [low, high] = self.path.s_span;
         self.path.s_span = [low.min(self.state.s), high.max(self.state.s)];
-        if self.time >= grid - SAME_TIME_S {
+        if self.time >= hann_windows::GRID_S * as_f64(next) - SAME_TIME_S {
             let jumped: Vector2<f64> = self.path.jumps.iter().map(|jump| jump.by).sum();
             let force = self.force();
-            self.path.smooth.push(force - jumped);
+            let smooth = &mut self.path.smooth;
+            let (from, before) = (smooth.len() - 1, smooth[smooth.len() - 1]);
+            let share = |point: usize| as_f64(point - from) / as_f64(next - from);
+            smooth.extend((from + 1..next).map(|point| before.lerp(&(force - jumped), share(point))));
+            smooth.push(force - jumped);
             self.path.knots.push((self.time, force));
         }
     }
@@ -572,27 +623,38 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
     fn step(&mut self, length: f64, stiff: bool) -> Result<(), Lost> {
         let (before, local) = (self.state, self.time - self.leg_from);
         let (model, contact) = (self.model, self.contact_over(length));
+        let rates =
+            if contact == self.contact { self.now.motion } else { model.motion(&contact, local, &before) }.rates;
         let at = |length: f64| {
             let settled = stiff.then(|| model.stiff_step(&contact, local, &before, length)).flatten();
-            settled.unwrap_or_else(|| model.step(&contact, local, &before, length))
+            settled.unwrap_or_else(|| model.step(&contact, local, &before, &rates, length))
         };
         let after = at(length);
-        let Margin { left, needed } = self.margin(local + length, &after)?;
+        let there = model.settling(&self.contact, local + length, &after);
+        let Margin { left, needed } = self.margin(local + length, &after, &there.motion)?;
         if left >= 0.0 {
             self.path.friction_needed = self.path.friction_needed.max(needed);
-            (self.state, self.time) = (after, self.time + length);
-            self.contact = self.contact_at(after.s);
+            (self.state, self.time, self.now) = (after, self.time + length, there);
+            let contact = self.contact_at(after.s);
+            if contact != self.contact {
+                self.contact = contact;
+                self.look();
+            }
             return Ok(());
         }
-        let ended = |length: f64| !self.margin(local + length, &at(length)).is_ok_and(|margin| margin.left >= 0.0);
-        let change = first_ended(ended, length, CHANGE_SHARE * length);
+        let left = |length: f64| {
+            let (time, after) = (local + length, at(length));
+            let margin = self.margin(time, &after, &model.motion(&self.contact, time, &after));
+            margin.map_or(f64::NEG_INFINITY, |margin| margin.left)
+        };
+        let change = first_ended(left, length, CHANGE_SHARE * length);
         (self.state, self.time) = (at(change), self.time + change);
         self.contact = self.contact_at(self.state.s);
+        self.look();
         self.change()
     }
 
-    fn margin(&self, local: f64, state: &State) -> Result<Margin, Lost> {
-        let motion = self.model.motion(&self.contact, local, state);
+    fn margin(&self, local: f64, state: &State, motion: &Motion) -> Result<Margin, Lost> {
         if !motion.force().pushes() || self.model.is_jammed(&self.contact, state) {
             return Err(Lost::Contact);
         }
@@ -608,6 +670,7 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
         self.state.v_t = self.model.rolling_v_t(local, &self.state);
         let rolling = self.model.motion(&ContactMode::Rolling, local, &self.state);
         self.contact = self.friction(self.state.s).after(&self.contact, &rolling.force());
+        self.look();
         self.jump(force_before, false)
     }
 
@@ -615,9 +678,11 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
     fn enter(&mut self, model: PlayedModel<'p>, leg_from: f64) -> Result<(), Lost> {
         let force_before = self.force();
         (self.model, self.leg_from) = (model, leg_from);
+        self.look();
         if self.contact == ContactMode::Rolling {
             self.state.v_t = self.v_t();
-            self.contact = self.friction(self.state.s).without_slip(&self.motion().force());
+            self.contact = self.friction(self.state.s).without_slip(&self.now.motion.force());
+            self.look();
         }
         self.jump(force_before, true)
     }

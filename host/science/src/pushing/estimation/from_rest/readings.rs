@@ -38,7 +38,7 @@ use super::fit::{Problem, Tried};
 use super::friction_along::FrictionAlong;
 use super::numbers::{MotionNumbers, NUMBERED_LEADS, NumberedMinimum, Unknown, redrawn_of};
 use super::part_errors::PartErrors;
-use super::path::{Course, CourseStart, Guess};
+use super::path::{Course, CourseStart, Guess, Resolution};
 use super::windowed_force::place_covariance;
 use super::{
     GATE, SAME_PLACE, WALKED_MAX, is_one_place, is_possible, leads, leads_of_edges, misfit_limit, search, symmetry,
@@ -266,6 +266,7 @@ impl<'a, 'p> FeltPush<'a, 'p> {
             start,
             legs,
             duration: end,
+            resolution: Resolution::Fine,
         };
         Some(Self { known, course, roughly, felt, path })
     }

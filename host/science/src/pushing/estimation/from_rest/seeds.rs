@@ -23,6 +23,12 @@ const SPACING: f64 = 0.07;
 /// Fewest and most places on an edge.
 const PLACES: (usize, usize) = (6, 40);
 
+/// The same of a first look.
+const SPARSE_PLACES: (usize, usize) = (3, 14);
+
+/// So many times as far apart are its places, and every second friction is tried.
+const SPARSE_TIMES: f64 = 4.0;
+
 /// So many times as many on an outline that goes round as on an edge, at the most.
 const ROUND_PLACES: usize = 2;
 
@@ -43,32 +49,37 @@ const TURNS_NEAR: f64 = 0.1;
 /// How close the grid is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cover {
+    /// A quarter of the places and half of the frictions: for a first look.
+    Sparse,
     /// Enough for nearly all pushes.
-    Coarse,
+    Dense,
     /// Twice as many places and frictions: for the force that nothing explains so far, though nearly.
-    Fine,
+    Denser,
 }
 
 impl Cover {
     fn spacing(self) -> f64 {
         match self {
-            Self::Coarse => SPACING,
-            Self::Fine => 0.5 * SPACING,
+            Self::Dense => SPACING,
+            Self::Sparse => SPARSE_TIMES * SPACING,
+            Self::Denser => 0.5 * SPACING,
         }
     }
 
     fn places(self) -> (usize, usize) {
         match self {
-            Self::Coarse => PLACES,
-            Self::Fine => (2 * PLACES.0, 2 * PLACES.1),
+            Self::Dense => PLACES,
+            Self::Sparse => SPARSE_PLACES,
+            Self::Denser => (2 * PLACES.0, 2 * PLACES.1),
         }
     }
 
     /// Frictions, ascending.
     fn frictions(self) -> Vec<f64> {
         match self {
-            Self::Coarse => FRICTIONS.to_vec(),
-            Self::Fine => {
+            Self::Dense => FRICTIONS.to_vec(),
+            Self::Sparse => FRICTIONS.into_iter().step_by(2).collect(),
+            Self::Denser => {
                 let between = FRICTIONS.windows(2).flat_map(|pair| [pair[0], (pair[0] * pair[1]).sqrt()]);
                 [MU_C_MIN, (MU_C_MIN * FRICTIONS[0]).sqrt()].into_iter().chain(between).chain([0.8]).collect()
             }
@@ -118,7 +129,7 @@ fn is_best_around(seed: &Seed, seeds: &[Seed]) -> bool {
 /// force may have two places, and the grid lead to one of them.
 pub(super) fn along_edge(problem: &Problem, minimum: &Tried) -> Vec<Tried> {
     let Some(side) = problem.course.side(minimum.guess.edge) else { return Vec::new() };
-    let places = places(problem, &side, Cover::Coarse);
+    let places = places(problem, &side, Cover::Dense);
     let tried: Vec<_> = places.into_iter().map(|s| problem.try_guess(Guess { s, ..minimum.guess })).collect();
     let cost = |place: Option<usize>| {
         let there = place.and_then(|place| tried.get(place)).and_then(Option::as_ref);

@@ -3,9 +3,10 @@
 use nalgebra::{Matrix2, Point2, Vector2};
 
 use super::felt::Felt as _;
+use super::first_look::LOOK_SHARE;
 use super::fit::{Problem, Tried};
 use super::onset::{PushSense, RestNoise};
-use super::path::{Course, CourseStart, Guess};
+use super::path::{Course, CourseStart, Guess, Resolution};
 use super::trial::{Drawn, RADIUS_M, Ranges, TrialOutcome, is_right_pose, pose_error, random_part, straight_motion};
 use super::*;
 use crate::finger::contact::Reading;
@@ -21,7 +22,7 @@ use crate::pushing::estimation::contact_angles::path::{
     self as contact_path, ContactInterval, plain_contact, plain_state,
 };
 use crate::pushing::estimation::hypotheses::Status;
-use crate::pushing::estimation::{Known as PushKnown, Touch};
+use crate::pushing::estimation::{Known as PushKnown, Shortlist, Touch};
 use crate::pushing::finger_motion::{Leg, LegTurn, Segment};
 use crate::pushing::pushed_world::{Played, PushedWorld};
 use crate::search::{Halt, check_stopping, never};
@@ -108,6 +109,7 @@ fn whole_course<'p>(part: &'p Part, mu_g: f64, motion: &FingerMotion, radius: f6
         start: CourseStart::Rest,
         legs: motion.legs(radius).collect(),
         duration: motion.duration(),
+        resolution: Resolution::Fine,
     }
 }
 
@@ -132,6 +134,41 @@ fn a_path_feels_what_the_world_does() {
         let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c, ..Guess::AT_REST };
         assert_path_is_the_worlds(case, &course, &guess, &drawn.played, drawn.mass);
     }
+}
+
+/// Coarse steps find the same minima: what they are off by is less than what a first look counts as noise, and the contact does
+/// the same.
+#[test]
+fn coarse_steps_feel_nearly_the_same() {
+    for case in 0..40 {
+        let (part, ranges, drawn, _) = drawn(case);
+        let fine = whole_course(&part, known(&part, &ranges).mu_g, &ranges.motion, RADIUS_M);
+        let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c, ..Guess::AT_REST };
+        let [fine_path, coarse_path] = [&fine, &fine.coarse()].map(|course| course.play(&guess).unwrap());
+        let count = hann_windows::count(fine.duration);
+        let squares = fine_path
+            .windows(count)
+            .zip(coarse_path.windows(count))
+            .map(|(fine, coarse)| [fine.norm_squared(), (coarse - fine).norm_squared()]);
+        let [all, off] = squares.fold([0.0, 0.0], |sum, next| [sum[0] + next[0], sum[1] + next[1]]);
+        assert!((off / all).sqrt() < LOOK_SHARE, "case {case}: off by {:e}", (off / all).sqrt());
+        assert_eq!(fine_path.course, coarse_path.course, "case {case}");
+    }
+}
+
+/// A first look never has a part that explains a push far from it; most others are.
+#[test]
+fn a_first_look_tells_most_other_parts_from_the_one_that_was_pushed() {
+    let mut far = 0;
+    for case in 0..12 {
+        let (part, ranges, drawn, mut draw) = drawn(case);
+        let measured = measured(&drawn, &mut draw, ranges.motion.duration());
+        let misfit = coarse_misfit(&known(&part, &ranges), &measured);
+        assert!(misfit < 1.0, "case {case}: {misfit}");
+        let other = random_part(&mut draw);
+        far += usize::from(coarse_misfit(&known(&other, &ranges), &measured) > Shortlist::MISFIT_MAX);
+    }
+    assert!(far >= 9, "{far} of 12");
 }
 
 /// A contact that slides close to its jam multiplies what it feels: the motion settles several times as fast as friction
@@ -784,6 +821,7 @@ impl FromRest {
                 start: CourseStart::Rest,
                 legs,
                 duration,
+                resolution: Resolution::Fine,
             };
             course.play(&Guess { edge: self.edge, u: self.u, s: self.s, mu_c: self.mu_c, ..Guess::AT_REST })
         };

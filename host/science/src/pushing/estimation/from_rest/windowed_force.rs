@@ -325,6 +325,11 @@ impl WindowedForce {
         }
     }
 
+    /// The same for a first look, which is quicker: the onset is taken for where it is, and nothing is known of the times of readings.
+    pub(super) fn without_times(&self) -> Self {
+        Self { onset_sd: 0.0, readings: None, ..self.clone() }
+    }
+
     /// The same with a model that is off by a share of the force, slowly.
     pub(super) fn and_drift(&self, share: f64) -> Self {
         let mut drifting = self.clone();

@@ -19,7 +19,7 @@ use super::super::super::end::{
 };
 use super::super::super::fit::{MU_C_MAX, MU_C_MIN, OMEGA_MAX, SLIDE_MAX, SLIDE_MIN};
 use super::super::super::friction_along::FrictionAlong;
-use super::super::super::path::{Course, CourseStart, Guess, Path};
+use super::super::super::path::{Course, CourseStart, Guess, Path, Resolution};
 use super::super::read_force::{JUMP_S, MODEL_SHARE};
 use super::super::{AtEnd, Concluded, FeltPush, ForceReading, KnownOfFinger, PIECES_APART};
 use crate::math::unscented::{Gaussian, Measured, measured};
@@ -132,6 +132,7 @@ impl<'a> Stretch<'a> {
             start: CourseStart::Moving,
             legs,
             duration: to - from,
+            resolution: Resolution::Fine,
         };
         Some(Self { known, course, acceleration })
     }
@@ -454,6 +455,7 @@ impl Followed {
             start: CourseStart::Moving,
             legs: vec![Leg { from: leg.from - time, to: leg.to - time, ..leg }],
             duration: 0.0,
+            resolution: Resolution::Fine,
         };
         let toward = known.part.edge(self.edge).ok()?.normal;
         // The disk is where the finger's bending takes it.
