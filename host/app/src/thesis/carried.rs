@@ -44,12 +44,17 @@ pub(super) const PARTS: Experiment = Experiment {
 };
 
 /// Ranges of the chain, with another motion of the finger.
-fn ranges(motion: FingerMotion) -> Ranges {
+pub(super) fn ranges(motion: FingerMotion) -> Ranges {
     Ranges { compliance: compliance_by_design(), motion, ..Ranges::default() }
 }
 
 /// What a rig feels of a push with this motion, up to its end.
-fn felt(rig: &mut Rig, played: &Played, motion: &FingerMotion, until: f64) -> Result<Option<WindowedForce>, RigError> {
+pub(super) fn felt(
+    rig: &mut Rig,
+    played: &Played,
+    motion: &FingerMotion,
+    until: f64,
+) -> Result<Option<WindowedForce>, RigError> {
     let measured = rig.push(course(played, motion))?.sense.windowed_force(until);
     Ok(measured.filter(|measured| measured.count() >= from_rest::WINDOWS_MIN))
 }

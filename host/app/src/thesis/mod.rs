@@ -39,6 +39,7 @@ mod parts;
 mod plan;
 mod pose;
 pub(crate) mod progress;
+mod pushed_parts;
 pub(crate) mod real;
 mod rivals;
 mod rolling;
@@ -97,6 +98,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     carried::PLAN,
     parts::EXPERIMENT,
     carried::PARTS,
+    pushed_parts::EXPERIMENT,
     rolling::ATTITUDE,
     rolling::SEMI_AXES,
     rolling::WHICH,

@@ -20,10 +20,10 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 };
 
 /// Parts of the library.
-const LIBRARY: usize = 500;
+pub(super) const LIBRARY: usize = 500;
 
 /// What tells the library's draws from those of the cases.
-const LIBRARY_SEED: u64 = 0x006c_6962_7261_7279;
+pub(super) const LIBRARY_SEED: u64 = 0x006c_6962_7261_7279;
 
 /// What came of a part that is one of many, or none of them.
 struct Trial {
