@@ -34,39 +34,35 @@ const SAME_SPIN: f64 = 1.6;
 /// Contact angles nearer than this are, rad.
 const SAME_ANGLE: f64 = 0.2;
 
-/// A member of the grid.
-struct Seed {
-    place: usize,
-    tried: Tried,
-}
-
 /// Guesses that are better than their neighbours, on one edge.
 pub(super) fn on_edge(problem: &Problem, edge: usize, cover: Cover) -> Vec<Tried> {
     let Some(side) = problem.course.side(edge) else { return Vec::new() };
     let Some(model) = problem.course.first_model(edge) else { return Vec::new() };
     let force = problem.measured.first();
     let direction = (-force.y).atan2(-force.x);
-    let mut seeds = Vec::new();
-    for (place, s) in places(problem, &side, cover).into_iter().enumerate() {
+    let at_place = |s: f64| -> Vec<_> {
         let guesses = rolling(problem, edge, model, s, direction).chain(sliding(problem, edge, s, direction));
-        seeds.extend(guesses.filter_map(|guess| problem.try_guess(guess)).map(|tried| Seed { place, tried }));
-    }
-    let best: Vec<_> = seeds.iter().map(|seed| is_best_around(seed, &seeds)).collect();
-    seeds.into_iter().zip(best).filter(|(_, best)| *best).map(|(seed, _)| seed.tried).collect()
+        guesses.filter_map(|guess| problem.try_guess(guess)).collect()
+    };
+    let of_places: Vec<_> = places(problem, &side, cover).into_iter().map(at_place).collect();
+    let is_best = |place: usize, seed: &Tried| {
+        let around = &of_places[place.saturating_sub(1)..of_places.len().min(place + 2)];
+        !around.iter().flatten().any(|other| is_better_neighbour(other, seed))
+    };
+    let best: Vec<Vec<_>> =
+        (0..of_places.len()).map(|place| of_places[place].iter().map(|seed| is_best(place, seed)).collect()).collect();
+    let kept = of_places.into_iter().flatten().zip(best.into_iter().flatten());
+    kept.filter(|(_, is_best)| *is_best).map(|(seed, _)| seed).collect()
 }
 
-fn is_best_around(seed: &Seed, seeds: &[Seed]) -> bool {
-    let at = &seed.tried;
-    !seeds.iter().any(|other| {
-        let there = &other.tried;
-        other.place.abs_diff(seed.place) <= 1
-            && (there.guess.slide == 0.0) == (at.guess.slide == 0.0)
-            && there.guess.slide * at.guess.slide >= 0.0
-            && (there.guess.u - at.guess.u).abs() < SAME_ANGLE
-            && (there.guess.omega - at.guess.omega).abs() < SAME_SPIN
-            && there.path.course == at.path.course
-            && there.cost < at.cost
-    })
+/// Whether another guess at the same or the next place leads the same way, from lower.
+fn is_better_neighbour(there: &Tried, at: &Tried) -> bool {
+    there.cost < at.cost
+        && (there.guess.slide == 0.0) == (at.guess.slide == 0.0)
+        && there.guess.slide * at.guess.slide >= 0.0
+        && (there.guess.u - at.guess.u).abs() < SAME_ANGLE
+        && (there.guess.omega - at.guess.omega).abs() < SAME_SPIN
+        && there.path.course == at.path.course
 }
 
 /// Parts that slide: the force is at the edge of the cone.
