@@ -26,7 +26,8 @@ use crate::width::folded;
 /// Takes the files of `palpate observe` and several part files, or with --library a folder of them. A part file may list several
 /// supports (`[[support]]`, with a name and feet each) instead of `feet`: then what the part stands on is named too. Every
 /// part is as likely beforehand; how likely it is none of them is told beside, by how well the best one fits. Of a folder
-/// only the parts are searched that come near after a few steps; it is told which are left out.
+/// only the parts are searched that come near at a first look; it is told how many are left out. How likely it is none of them
+/// takes into account that of hundreds one resembles whatever is pushed.
 ///
 /// Exit status: 0, also where no part explains the force; 1 if something cannot be used, 3 if samples of the push were no
 /// measurements (saturated, stuck, settling) or the device started anew, 64 wrong command line.
@@ -36,7 +37,8 @@ pub(crate) struct Arguments {
     #[arg(long = "part", value_name = "PART.toml", required_unless_present = "library")]
     parts: Vec<PathBuf>,
 
-    /// A folder of part files: whatever ends in .toml. Each part takes some seconds
+    /// A folder of part files: whatever ends in .toml. A part takes some
+    /// hundredths of a second
     #[arg(long, value_name = "DIR", conflicts_with = "parts")]
     library: Option<PathBuf>,
 
@@ -88,8 +90,8 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     if let Some(&(nearest, misfit)) = shortlist.left_out.first() {
         let (left_out, all) = (shortlist.left_out.len(), candidates.len());
         let words = format!(
-            "Left out are {left_out} of {all} parts, none of which comes near after a few steps: they misfit at least \
-             {misfit:.0} times as badly as noise allows ({}).",
+            "Left out are {left_out} of {all} parts, which at a first look are far from the push, or fit far worse than the \
+             best: the nearest of them misfits {misfit:.1} times as badly as noise allows ({}).",
             candidates[nearest]
         );
         say!("{}", folded(&words));
@@ -104,7 +106,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     };
     say!(
         "{:6.3}  none of these; the others are probabilities if it is one of them",
-        estimation::none_of_these(&ranked)
+        estimation::none_of_these(&ranked, candidates.len())
     );
     let candidate = &candidates[first.part];
     say_poses(&format!("If it is {candidate}"), candidate, &first.estimate);
@@ -149,15 +151,15 @@ impl Arguments {
             return Shortlist { kept: (0..candidates.len()).collect(), left_out: Vec::new() };
         }
         let _progress = Progress::begin("looking which parts come near");
-        let misfits: Vec<_> = candidates
+        let looks: Vec<_> = candidates
             .iter()
             .zip(0..)
             .map(|(candidate, done)| {
                 progress::reached(done, candidates.len() as u64, &candidate.to_string());
-                from_rest::coarse_misfit(&push.known(&candidate.file), force)
+                from_rest::first_look(&push.known(&candidate.file), force)
             })
             .collect();
-        Shortlist::new(&misfits)
+        Shortlist::new(&looks)
     }
 
     fn candidates(&self) -> miette::Result<Vec<Candidate>> {
@@ -211,7 +213,7 @@ fn as_json(candidates: &[Candidate], ranked: &[PartEstimate]) -> serde_json::Val
     };
     let mut answer = json!({
         "parts": ranked.iter().map(part).collect::<Vec<_>>(),
-        "none_of_these": estimation::none_of_these(ranked),
+        "none_of_these": estimation::none_of_these(ranked, candidates.len()),
     });
     if let Some(mixed) = mixed(candidates, ranked) {
         answer["whichever"] = pose::as_json(&mixed);

@@ -12,7 +12,7 @@ use palpate::math::statistics::{median, percentile};
 use palpate::pushing::dynamics::Part;
 use palpate::pushing::estimation::from_rest::trial::{Drawn, Ranges, random_part};
 use palpate::pushing::estimation::from_rest::{self, WindowedForce};
-use palpate::pushing::estimation::{Observer as _, Shortlist, none_of_these, which_part};
+use palpate::pushing::estimation::{Fit, Observer as _, PartEstimate, Shortlist, none_of_these, which_part};
 use palpate_device::simulated::Line;
 
 use super::carried::{felt, ranges};
@@ -32,25 +32,34 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 };
 
 /// What came of a push.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Named {
-    /// The part that was pushed is the likeliest; or nothing explains one that is not in the library.
-    Right,
-    /// The same where another part is likelier, though not certain.
-    Open,
-    /// Another part is certain.
-    Wrong,
-}
-
 struct Trial {
-    named: Named,
-    /// Whether one answer only is possible.
-    is_certain: bool,
-    /// In words.
-    said: String,
+    /// Of the part that was pushed, or of none of these where it is not in the library.
+    truth: f64,
+    /// The largest of another answer.
+    other: f64,
+    /// How many parts are possible.
+    possible: usize,
     searched: usize,
+    /// What the true part costs at a first look, and may at the most.
+    look: Option<Fit>,
     /// Of the answer, on one thread.
     seconds: f64,
+}
+
+impl Trial {
+    fn is_right(&self) -> bool {
+        self.truth > self.other
+    }
+
+    fn in_words(&self) -> String {
+        let Self { truth, other, possible, searched, .. } = self;
+        let look = self.look.and_then(|look| Some(look.cost? / look.cost_max));
+        let look = look.map_or_else(String::new, |misfit| format!("; its misfit at a first look {misfit:.2}"));
+        format!(
+            "probability of the truth {truth:.3}, of the likeliest other answer {other:.3}; {possible} parts possible of \
+             {searched} searched{look}"
+        )
+    }
 }
 
 fn table(settings: &TableSettings) -> Table {
@@ -58,9 +67,9 @@ fn table(settings: &TableSettings) -> Table {
         "row",
         "pushes",
         "right",
-        "certain",
+        "truth excluded",
+        "one possible",
         "right of those",
-        "wrong and certain",
         "searched",
         "s an answer",
         "slowest",
@@ -74,9 +83,10 @@ fn table(settings: &TableSettings) -> Table {
              found."
         ),
         format!(
-            "right: the part is the likeliest; of one that is not in the library: no part explains the push, or none of \
-             these is the likeliest. certain: what speaks against that answer is less probable than {DOUBT}. searched: parts \
-             that came near at a first look (median). s an answer: first look and searches, on one thread."
+            "right: the part is the likeliest; of one that is not in the library: none of these is, since no part explains the \
+             push. truth excluded: that answer is less probable than {DOUBT}. one possible: so many parts explain the push, \
+             or none where it is not in the library: pushes that tell. searched: parts that came near at a first look \
+             (median). s an answer: first look and searches, on one thread."
         ),
     ]);
     let parts = library(settings.seed, LIBRARY);
@@ -87,28 +97,30 @@ fn table(settings: &TableSettings) -> Table {
         let name = if is_known { "in the library" } else { "not in it" };
         for (case, trial) in trials.iter().enumerate() {
             match trial {
-                Ok(trial) if trial.named == Named::Right => {}
-                Ok(trial) => table.failures.push(format!("{name}, case {case}: {}", trial.said)),
+                Ok(trial) if trial.is_right() => {}
+                Ok(trial) => table.failures.push(format!("{name}, case {case}: {}", trial.in_words())),
                 Err(error) => table.failures.push(format!("{name}, case {case}: {error}")),
             }
         }
-        table.push(row(name, trials.len(), &trials.into_iter().flatten().collect::<Vec<_>>()));
+        let told = usize::from(is_known);
+        table.push(row(name, trials.len(), told, &trials.into_iter().flatten().collect::<Vec<_>>()));
     }
     table
 }
 
-fn row(name: &str, all: usize, trials: &[Trial]) -> Vec<Cell> {
+/// A push tells where so many parts are possible.
+fn row(name: &str, all: usize, told: usize, trials: &[Trial]) -> Vec<Cell> {
     let count = |of: &dyn Fn(&Trial) -> bool| trials.iter().filter(|trial| of(trial)).count();
-    let certain = count(&|trial| trial.is_certain);
+    let tells = count(&|trial| trial.possible == told);
     let number = |value: Option<f64>, decimals: usize| Cell::number(value.unwrap_or(f64::NAN), decimals);
     let seconds = || trials.iter().map(|trial| trial.seconds);
     vec![
         name.into(),
         Cell::count(all),
-        Cell::share(count(&|trial| trial.named == Named::Right), all),
-        Cell::share(certain, all),
-        Cell::share(count(&|trial| trial.is_certain && trial.named == Named::Right), certain),
-        Cell::share(count(&|trial| trial.named == Named::Wrong), all),
+        Cell::share(count(&Trial::is_right), all),
+        Cell::share(count(&|trial| trial.truth < DOUBT), all),
+        Cell::share(tells, all),
+        Cell::share(count(&|trial| trial.possible == told && trial.is_right()), tells),
         number(median(trials.iter().map(|trial| trial.searched as f64)), 0),
         number(median(seconds()), 1),
         number(percentile(seconds(), 100), 1),
@@ -142,32 +154,20 @@ fn trial(ranges: &Ranges, seed: u64, case: usize, parts: &[Part], is_known: bool
 fn named(ranges: &Ranges, rig: &Rig, parts: &[Part], measured: &WindowedForce, truth: Option<usize>) -> Trial {
     let begun = Instant::now();
     let known = |part: usize| known_of(ranges, &parts[part], rig.finger());
-    let misfits: Vec<_> = (0..parts.len()).map(|part| from_rest::coarse_misfit(&known(part), measured)).collect();
-    let shortlist = Shortlist::new(&misfits);
-    let searched = shortlist.kept.iter().map(|&part| known(part));
+    let looks: Vec<_> = (0..parts.len()).map(|part| from_rest::first_look(&known(part), measured)).collect();
+    let Shortlist { kept, .. } = Shortlist::new(&looks);
+    let searched = kept.iter().map(|&part| known(part));
     let ranked = which_part(searched.map(|known| (known.part, known.estimate(measured))));
-    let none = none_of_these(&ranked);
+    let none = none_of_these(&ranked, parts.len());
     let seconds = begun.elapsed().as_secs_f64();
-    let of = |part: usize| {
-        let listed = ranked.iter().find(|ranked| shortlist.kept[ranked.part] == part);
-        (1.0 - none) * listed.map_or(0.0, |listed| listed.probability)
-    };
-    let true_share = truth.map_or(none, of);
-    // The likeliest of the others.
-    let others = ranked.iter().map(|ranked| shortlist.kept[ranked.part]).filter(|&part| Some(part) != truth);
-    let other = others.map(of).fold(if truth.is_some() { none } else { 0.0 }, f64::max);
-    let named = match () {
-        () if true_share > other => Named::Right,
-        () if true_share > DOUBT => Named::Open,
-        () => Named::Wrong,
-    };
-    let said = format!(
-        "probability of the truth {true_share:.3}, of the likeliest other answer {other:.3}, of none of these {none:.3}; \
-         its misfit at a first look {:.2}",
-        truth.map_or(f64::NAN, |truth| misfits[truth])
-    );
-    let is_certain = true_share.max(other) > 1.0 - DOUBT;
-    Trial { named, is_certain, said, searched: shortlist.kept.len(), seconds }
+    let of = |part: &PartEstimate| (kept[part.part], (1.0 - none) * part.probability);
+    let shares: Vec<_> = ranked.iter().map(of).collect();
+    let is_true = |(part, _): &&(usize, f64)| Some(*part) == truth;
+    let of_truth: f64 = shares.iter().filter(is_true).map(|(_, share)| share).sum();
+    let other = shares.iter().filter(|share| !is_true(share)).map(|(_, share)| *share).fold(0.0, f64::max);
+    let possible = ranked.iter().filter(|part| part.probability > DOUBT).count();
+    let (of_truth, other) = if truth.is_some() { (of_truth, other.max(none)) } else { (none, other) };
+    Trial { truth: of_truth, other, possible, searched: kept.len(), look: truth.map(|truth| looks[truth]), seconds }
 }
 
 #[cfg(test)]
@@ -180,7 +180,7 @@ mod tests {
         let ranges = ranges(Ranges::default().motion);
         for is_known in [true, false] {
             let trial = trial(&ranges, 1, 0, &parts, is_known).unwrap();
-            assert_eq!(trial.named, Named::Right, "{is_known}: {}", trial.said);
+            assert!(trial.is_right(), "{is_known}: {}", trial.in_words());
         }
     }
 }

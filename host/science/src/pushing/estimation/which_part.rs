@@ -16,7 +16,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::Matrix2;
 
-use super::hypotheses::{Estimate, GATE, Hypothesis, Nearness, joined};
+use super::hypotheses::{Estimate, Fit, GATE, Hypothesis, Nearness, joined};
 use crate::pushing::dynamics::Part;
 
 /// What a push says about one of several parts.
@@ -45,12 +45,12 @@ pub fn which_part<'p>(estimates: impl IntoIterator<Item = (&'p Part, Estimate)>)
 }
 
 /// Which of many parts are worth a search, by how far each is from explaining the push at a first look
-/// ([`coarse_misfit`](super::from_rest::coarse_misfit)).
+/// ([`first_look`](super::from_rest::first_look)).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shortlist {
     /// Places of those among the parts given, the nearest first.
     pub kept: Vec<usize>,
-    /// Of those left out, the nearest first, with their misfits.
+    /// Of those left out, the nearest first, with their misfits: costs over the largest that noise leaves once in a thousand times.
     pub left_out: Vec<(usize, f64)>,
 }
 
@@ -59,17 +59,25 @@ impl Shortlist {
     /// in all but 8): this leaves room for a fit that came to a minimum next to it.
     pub const MISFIT_MAX: f64 = 2.0;
 
+    /// What costs so much more than the best is left out too: its minimum would have to be so much lower than what the first look
+    /// found for it to have a hundredth of the evidence.
+    pub const BEHIND_MAX: f64 = 60.0;
+
     /// So many of the nearest are kept in any case: where nothing explains the push, a person wants to know what comes nearest.
     pub const KEPT_MIN: usize = 3;
 
-    /// The list for parts of these misfits.
+    /// The list for first looks at all parts, by the same push.
     #[must_use]
-    pub fn new(misfits: &[f64]) -> Self {
-        let mut ranked: Vec<_> = misfits.iter().copied().enumerate().collect();
-        ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
-        let near = ranked.iter().filter(|(_, misfit)| *misfit <= Self::MISFIT_MAX).count();
+    pub fn new(looks: &[Fit]) -> Self {
+        let cost = |look: &Fit| look.cost.unwrap_or(f64::INFINITY);
+        let misfit = |look: &Fit| cost(look) / look.cost_max;
+        let mut ranked: Vec<_> = (0..looks.len()).collect();
+        ranked.sort_by(|&a, &b| cost(&looks[a]).total_cmp(&cost(&looks[b])));
+        let most = ranked.first().map_or(0.0, |&best| cost(&looks[best]) + Self::BEHIND_MAX);
+        let is_near = |&&part: &&usize| misfit(&looks[part]) <= Self::MISFIT_MAX && cost(&looks[part]) <= most;
+        let near = ranked.iter().filter(is_near).count();
         let left_out = ranked.split_off(near.max(Self::KEPT_MIN).min(ranked.len()));
-        Self { kept: ranked.into_iter().map(|(part, _)| part).collect(), left_out }
+        Self { kept: ranked, left_out: left_out.into_iter().map(|part| (part, misfit(&looks[part]))).collect() }
     }
 }
 
@@ -82,20 +90,23 @@ const MISFIT_MAX: f64 = 100.0;
 /// Steps of the sum over that factor, evenly in its logarithm.
 const MISFIT_STEPS: usize = 400;
 
-/// Probability that it was none of these parts, however well the likeliest does among them.
+/// Probability that it was none of these parts, of which so many are known, however well the likeliest does among them.
 ///
 /// Of an unknown part nothing is predicted but that one which resembles it leaves residuals larger than the noise, by a
 /// factor of which every order of magnitude is as likely. So a misfit that chance hardly gives speaks for it, though no
-/// gate may exclude it. 1 where no part explains the push.
+/// gate may exclude it. Of many known parts one resembles it closely: the smallest of so many factors counts, and of
+/// hundreds the best explains an unknown part nearly as well as its own. 1 where no part explains the push.
 #[must_use]
-pub fn none_of_these(ranked: &[PartEstimate]) -> f64 {
+pub fn none_of_these(ranked: &[PartEstimate], known: usize) -> f64 {
     let possible = ranked.iter().filter(|part| part.probability > 0.0).map(|part| &part.estimate.fit);
     let best = possible.filter_map(|fit| Some((fit.cost?, fit.degrees_of_freedom))).min_by(|a, b| a.0.total_cmp(&b.0));
     let Some((cost, values)) = best else { return 1.0 };
-    let step = MISFIT_MAX.ln() / MISFIT_STEPS as f64;
     // Likelihood of residuals f times the noise over that of the noise itself: f^-k exp(−c/2 (1/f² − 1)).
     let ratio = |index: usize| {
-        let log = (index as f64 + 0.5) * step;
+        let quantile = (index as f64 + 0.5) / MISFIT_STEPS as f64;
+        // Of one factor, below which the smallest of all is with that probability: 1 − (1 − q)^(1/n).
+        let of_one = -((-quantile).ln_1p() / known.max(1) as f64).exp_m1();
+        let log = of_one * MISFIT_MAX.ln();
         (0.5 * cost * (1.0 - (-2.0 * log).exp()) - values as f64 * log).exp()
     };
     let ratio = (0..MISFIT_STEPS).map(ratio).sum::<f64>() / MISFIT_STEPS as f64;
@@ -180,7 +191,6 @@ mod tests {
     use super::*;
     use crate::geometry::SimplePolygon;
     use crate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, Mass, Push, PushModel, Start, State};
-    use crate::pushing::estimation::hypotheses::Fit;
     use crate::pushing::estimation::{Channel, Known, Measured, Observation, Observer as _, Prior, SAME_END_M, Touch};
 
     const MU_G: f64 = 0.3 * 9.81;
@@ -226,12 +236,17 @@ mod tests {
     #[test]
     fn the_best_of_several_parts_may_be_none_of_them() {
         let values = 58;
-        let none = [0.8, 1.0, 1.3, 1.64, 2.0].map(|share| none_of_these(&[fitting(share * 58.0, values)]));
+        let none = [0.8, 1.0, 1.3, 1.64, 2.0].map(|share| none_of_these(&[fitting(share * 58.0, values)], 1));
         assert!(none[0] < 0.01 && none[1] < 0.02, "{none:?}");
         assert!(none.windows(2).all(|pair| pair[0] < pair[1]), "{none:?}");
         // The limit of chance (1.64 at 58 values) is no limit of belief; beyond it nothing else is left.
         assert!(none[3] > 0.2 && none[4] > 0.9, "{none:?}");
-        assert!((none_of_these(&[]) - 1.0).abs() < f64::EPSILON);
+        assert!((none_of_these(&[], 1) - 1.0).abs() < f64::EPSILON);
+        // However many are known, one that fits makes none of them no likelier than it was beforehand; of hundreds nearly as likely.
+        let of = |known: usize| none_of_these(&[fitting(0.9 * 58.0, values)], known);
+        let among = [1, 10, 100, 10_000].map(of);
+        assert!(among.is_sorted() && among[0] < 0.01 && among[3] < UNKNOWN_BEFOREHAND, "{among:?}");
+        assert!(among[3] > 0.9 * UNKNOWN_BEFOREHAND, "{among:?}");
     }
 
     #[test]
@@ -325,19 +340,21 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_shortlist_has_each_part_once_and_all_that_come_near(misfits in prop::collection::vec(0.1_f64..1e3, 0..40)) {
-            let Shortlist { kept, left_out } = Shortlist::new(&misfits);
+        fn a_shortlist_has_each_part_once_and_all_that_come_near(costs in prop::collection::vec(1.0_f64..1e3, 0..40)) {
+            let cost_max = 100.0;
+            let look = |cost: &f64| Fit { cost: Some(*cost), degrees_of_freedom: 60, cost_max };
+            let Shortlist { kept, left_out } = Shortlist::new(&costs.iter().map(look).collect::<Vec<_>>());
             let mut all: Vec<_> = kept.iter().copied().chain(left_out.iter().map(|(part, _)| *part)).collect();
-            prop_assert!(all.iter().map(|&part| misfits[part]).is_sorted(), "{:?} {:?}", kept, left_out);
-            all.sort_unstable();
-            prop_assert_eq!(all, (0..misfits.len()).collect::<Vec<_>>());
-            let is_far = |&(part, misfit): &(usize, f64)| {
-                misfit.total_cmp(&misfits[part]).is_eq() && misfit > Shortlist::MISFIT_MAX
+            prop_assert!(all.iter().map(|&part| costs[part]).is_sorted(), "{:?} {:?}", kept, left_out);
+            let best = all.first().map_or(0.0, |&part| costs[part]);
+            let is_near = |part: usize| {
+                costs[part] <= Shortlist::MISFIT_MAX * cost_max && costs[part] <= best + Shortlist::BEHIND_MAX
             };
-            prop_assert!(left_out.iter().all(is_far));
-            let few = kept.len() <= Shortlist::KEPT_MIN;
-            prop_assert!(few || kept.iter().all(|&part| misfits[part] <= Shortlist::MISFIT_MAX));
-            prop_assert!(kept.len() >= misfits.len().min(Shortlist::KEPT_MIN));
+            all.sort_unstable();
+            prop_assert_eq!(all, (0..costs.len()).collect::<Vec<_>>());
+            prop_assert!(left_out.iter().all(|&(part, misfit)| !is_near(part) && (misfit * cost_max - costs[part]).abs() < 1e-9));
+            prop_assert!(kept.len() <= Shortlist::KEPT_MIN || kept.iter().all(|&part| is_near(part)));
+            prop_assert!(kept.len() >= costs.len().min(Shortlist::KEPT_MIN));
         }
     }
 

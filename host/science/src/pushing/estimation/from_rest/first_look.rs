@@ -4,13 +4,14 @@
 //! followed. What then is near is fitted as closely as the search does it, from there: a part that explains the push does so
 //! here too, but for the few whose minimum no guess led to.
 //!
-//! Units: misfits are least costs over the largest that noise leaves once in a thousand times. Errors: none.
+//! Units: costs in squared standard deviations. Errors: none; a part that no guess can be played with has no cost.
 
 use super::felt::Felt as _;
 use super::fit::Problem;
 use super::seeds::Cover;
 use super::windowed_force::WindowedForce;
 use super::{KnownFromRest, apart, course, least_cost, misfit_limit, starts, symmetry};
+use crate::pushing::estimation::hypotheses::Fit;
 use crate::search::{Halt, never};
 
 /// What coarse steps, and an onset that is taken for where it was felt, are off by: as a share of the force.
@@ -19,16 +20,16 @@ pub(super) const LOOK_SHARE: f64 = 3e-3;
 /// How many fits take how many steps, the best. Of 2,400 drawn pushes of 500 parts half as many at first lose 2 %, these 0.3 %.
 const STAGES: [(usize, usize); 3] = [(25, 1), (10, 2), (5, 4)];
 
-/// What then misfits more is far.
+/// What then costs so many times the most that noise leaves is far.
 const FAR: f64 = 5.0;
 
 /// The same of fits by coarse steps that count all of the force: where noise is a ten-thousandth of it, these misfit by themselves.
 const FAR_BY_COARSE_STEPS: f64 = 50.0;
 
-/// How far a part is from explaining what was felt: what does so is below 1, but for three in a thousand. Of what is far a rough
-/// misfit is told.
+/// How far a part is from explaining what was felt: what does so comes below the most that noise leaves, but for three in a
+/// thousand. Of what is far a rough cost is told.
 #[must_use]
-pub fn coarse_misfit(known: &KnownFromRest, measured: &WindowedForce) -> f64 {
+pub fn first_look(known: &KnownFromRest, measured: &WindowedForce) -> Fit {
     let edges = symmetry::distinct(known.part, symmetry::order(known.part));
     let measured = measured.of_contact(known.motion, known.finger);
     // What is not known of the part counts as noise.
@@ -44,17 +45,18 @@ pub fn coarse_misfit(known: &KnownFromRest, measured: &WindowedForce) -> f64 {
         tried.truncate(followed);
         tried = apart(&look, tried.into_iter().map(|tried| look.descend(tried, steps)).collect());
     }
-    let limit = misfit_limit(measured.data().len(), measured.freedom());
-    let mut misfit = least_cost(&tried) / limit;
+    let values = measured.data().len();
+    let cost_max = misfit_limit(values, measured.freedom());
+    let mut cost = least_cost(&tried);
     for (course, far) in [(&coarse, FAR), (&fine, FAR_BY_COARSE_STEPS)] {
-        tried.retain(|tried| tried.cost <= far * limit);
+        tried.retain(|tried| tried.cost <= far * cost_max);
         if tried.is_empty() {
             break;
         }
         let problem = Problem { course, measured: &measured, mass: None };
         let begun = tried.into_iter().filter_map(|tried| problem.try_onsets(tried.guess));
         tried = begun.map(|tried| problem.descend(tried, usize::MAX)).collect();
-        misfit = least_cost(&tried) / limit;
+        cost = least_cost(&tried);
     }
-    misfit
+    Fit { cost: cost.is_finite().then_some(cost), degrees_of_freedom: values, cost_max }
 }

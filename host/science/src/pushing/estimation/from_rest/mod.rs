@@ -56,7 +56,7 @@ use nalgebra::Translation2;
 use end::{EndCovariance, Reach};
 pub use explained::ExplainedForce;
 use felt::Felt as _;
-pub use first_look::coarse_misfit;
+pub use first_look::first_look;
 use fit::{MU_C_MIN, Problem, Tried};
 use friction_along::FrictionAlong;
 use model::range;

@@ -163,10 +163,11 @@ fn a_first_look_tells_most_other_parts_from_the_one_that_was_pushed() {
     for case in 0..12 {
         let (part, ranges, drawn, mut draw) = drawn(case);
         let measured = measured(&drawn, &mut draw, ranges.motion.duration());
-        let misfit = coarse_misfit(&known(&part, &ranges), &measured);
-        assert!(misfit < 1.0, "case {case}: {misfit}");
+        let look = first_look(&known(&part, &ranges), &measured);
+        assert!(look.cost.is_some_and(|cost| cost < look.cost_max), "case {case}: {look:?}");
         let other = random_part(&mut draw);
-        far += usize::from(coarse_misfit(&known(&other, &ranges), &measured) > Shortlist::MISFIT_MAX);
+        let look = first_look(&known(&other, &ranges), &measured);
+        far += usize::from(look.cost.is_none_or(|cost| cost > Shortlist::MISFIT_MAX * look.cost_max));
     }
     assert!(far >= 9, "{far} of 12");
 }
