@@ -7,12 +7,14 @@
 
 use std::time::Instant;
 
+use nalgebra::{Point2, Vector2};
 use palpate::math::random::Draw;
 use palpate::math::statistics::{median, percentile};
 use palpate::pushing::dynamics::Part;
-use palpate::pushing::estimation::from_rest::trial::{Drawn, Ranges, random_part};
+use palpate::pushing::estimation::from_rest::trial::{Drawn, Ranges, default_motion, random_part};
 use palpate::pushing::estimation::from_rest::{self, WindowedForce};
 use palpate::pushing::estimation::{Fit, Observer as _, PartEstimate, Shortlist, none_of_these, which_part};
+use palpate::pushing::finger_motion::{FingerMotion, Segment};
 use palpate_device::simulated::Line;
 
 use super::carried::{felt, ranges};
@@ -30,6 +32,21 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     cases: 100,
     run: table,
 };
+
+/// A row, whether the part is in the library, and whether the finger turns back after its turn.
+const ROWS: [(&str, bool, bool); 4] = [
+    ("in the library", true, false),
+    ("not in it", false, false),
+    ("in it, turning back", true, true),
+    ("not in it, turning back", false, true),
+];
+
+/// The chain's motion with a turn back after it: half as long again.
+fn turning_back() -> FingerMotion {
+    let more = Segment { seconds: 0.5, acceleration: Vector2::new(0.15, -0.3) };
+    let segments = [default_motion().segments(), &[more]].concat();
+    FingerMotion::new(Point2::origin(), &segments).expect("constant segments are sound")
+}
 
 /// What came of a push.
 struct Trial {
@@ -78,7 +95,7 @@ fn table(settings: &TableSettings) -> Table {
     table.definitions.extend([
         format!(
             "A library of {LIBRARY} parts, drawn as in the table `chain`, and a part that is one of them, or is drawn in the \
-             same way and is none of them; pushed from rest with a turn, felt by a finger of its own with the datasheet's \
+             same way and is none of them; pushed from rest with a turn, or with a turn and back, felt by a finger of its own with the datasheet's \
              noise and hum, calibrated and waved. Any edge of any part may have been touched, anywhere; mass and mu_c are \
              found."
         ),
@@ -90,11 +107,10 @@ fn table(settings: &TableSettings) -> Table {
         ),
     ]);
     let parts = library(settings.seed, LIBRARY);
-    let ranges = ranges(Ranges::default().motion);
-    for is_known in [true, false] {
+    for (name, is_known, turns_back) in ROWS {
+        let ranges = if turns_back { ranges(turning_back()) } else { ranges(default_motion()) };
         let of = |case| trial(&ranges, settings.seed, case, &parts, is_known);
         let trials = of_each_in_order(settings.cases, settings.jobs(), of, |_| ());
-        let name = if is_known { "in the library" } else { "not in it" };
         for (case, trial) in trials.iter().enumerate() {
             match trial {
                 Ok(trial) if trial.is_right() => {}
@@ -177,7 +193,7 @@ mod tests {
     #[test]
     fn a_pushed_part_of_a_library_is_named_and_a_stranger_is_none_of_it() {
         let parts = library(1, 8);
-        let ranges = ranges(Ranges::default().motion);
+        let ranges = ranges(default_motion());
         for is_known in [true, false] {
             let trial = trial(&ranges, 1, 0, &parts, is_known).unwrap();
             assert!(trial.is_right(), "{is_known}: {}", trial.in_words());

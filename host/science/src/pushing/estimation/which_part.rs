@@ -59,12 +59,12 @@ impl Shortlist {
     /// in all but 8): this leaves room for a fit that came to a minimum next to it.
     pub const MISFIT_MAX: f64 = 2.0;
 
-    /// What costs so much more than the best is left out too: its minimum would have to be so much lower than what the first look
-    /// found for it to have a hundredth of the evidence.
-    pub const BEHIND_MAX: f64 = 60.0;
+    /// What costs so much more than the best is left out too: its evidence is a millionth of the best's, and if its minimum is
+    /// lower than what the first look found, that of the others may be too.
+    pub const BEHIND_MAX: f64 = 30.0;
 
     /// So many of the nearest are kept in any case: where nothing explains the push, a person wants to know what comes nearest.
-    pub const KEPT_MIN: usize = 3;
+    pub const KEPT_MIN: usize = 1;
 
     /// The list for first looks at all parts, by the same push.
     #[must_use]
