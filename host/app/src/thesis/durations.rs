@@ -35,7 +35,7 @@ const PROCESSOR_S: &[(&str, f64)] = &[
     ("drawn-pushes", 170.0),
     ("invariances", 280.0),
     ("drawn-rest", 1500.0),
-    ("drawn-forces", 1900.0),
+    ("drawn-forces", 1600.0),
     ("model-error", 7500.0),
     ("chain", 2400.0),
     // One case of each row was broken off at 66 s: 20 000 s at least.
@@ -44,7 +44,7 @@ const PROCESSOR_S: &[(&str, f64)] = &[
     ("plan-chain", 820.0),
     ("parts", 600.0),
     ("parts-chain", 5800.0),
-    ("pushed-parts", 4000.0),
+    ("pushed-parts", 11_000.0),
     ("7", 96.0),
     ("7-axes", 36.0),
     ("7-which", 91.0),
