@@ -84,8 +84,8 @@ impl Guess {
 pub(super) enum Resolution {
     /// Steps of the windows' grid: poses come out within a micrometre.
     Fine,
-    /// Steps of a window's hop, implicit ones wherever what turns and slides settles within: forces come out within some
-    /// hundredths, five times as quickly. For a first look.
+    /// Steps of a window's hop, implicit ones wherever what turns and slides settles within: forces come out within three
+    /// thousandths, three times as quickly. For a first look.
     Coarse,
 }
 
