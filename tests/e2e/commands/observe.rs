@@ -9,6 +9,7 @@ use nalgebra::Isometry2;
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::random::Draw;
 use palpate::pushing::dynamics::EndReason;
+use palpate::pushing::estimation::Shortlist;
 use palpate::pushing::pushed_world::{Played, PushedWorld};
 use palpate_files::part::PolygonFile;
 use palpate_tests::project;
@@ -490,7 +491,8 @@ fn the_part_that_was_pushed_is_named_from_a_library() {
     // Each part is searched or said to be left out.
     let [searched, left_out] = ["parts", "left_out"].map(|list| answer[list].as_array().unwrap());
     assert_eq!(searched.len() + left_out.len(), 5, "{answer}");
-    assert!(!left_out.is_empty() && left_out.iter().all(|part| part["misfit"].as_f64().unwrap() > 10.0), "{answer}");
+    let is_far = |part: &Value| part["misfit"].as_f64().unwrap() > Shortlist::MISFIT_MAX;
+    assert!(!left_out.is_empty() && left_out.iter().all(is_far), "{answer}");
     let said = text(&which(&library, &[]).stdout);
     assert_fits_a_terminal(&said);
     assert!(unfolded(&said).contains(&format!("Left out are {} of 5 parts", left_out.len())), "{said}");
