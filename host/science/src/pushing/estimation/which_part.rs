@@ -87,7 +87,7 @@ const UNKNOWN_BEFOREHAND: f64 = 0.1;
 /// By how much a part that resembles an unknown one may misfit, as a factor of the noise: anything up to this.
 const MISFIT_MAX: f64 = 100.0;
 
-/// Steps of the sum over that factor, evenly in its logarithm.
+/// Steps of the sum over that factor, each as likely.
 const MISFIT_STEPS: usize = 400;
 
 /// Probability that it was none of these parts, of which so many are known, however well the likeliest does among them.
