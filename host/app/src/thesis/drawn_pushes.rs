@@ -7,8 +7,6 @@
 //!
 //! Units: SI inside, as the headings say in the table. Errors: none.
 
-use std::time::Instant;
-
 use nalgebra::{Point2, Vector2, Vector3, Vector5};
 use palpate::geometry::Pose;
 use palpate::gravity::GRAVITY_ASSUMED;
@@ -23,6 +21,7 @@ use palpate::pushing::estimation::{
 };
 
 use super::judged::{self, JudgedCase, Stated};
+use super::processor_time::ProcessorTime;
 use super::{Experiment, Table, TableSettings, cases};
 
 /// The table.
@@ -134,9 +133,9 @@ fn run(settings: &TableSettings) -> Table {
 }
 
 fn judge(case: &Case) -> JudgedCase {
-    let begun = Instant::now();
+    let begun = ProcessorTime::now();
     let estimate = case.known().estimate(&case.observation);
-    let milliseconds = begun.elapsed().as_secs_f64() * 1e3;
+    let milliseconds = begun.milliseconds();
     let truth = case.truth_among(&estimate.hypotheses);
     JudgedCase {
         status: Some(estimate.status()),

@@ -10,7 +10,6 @@
 //! Frames: finger axes; force on the finger's disk. Units: SI inside, as the headings say in the table. Errors: none.
 
 use std::f64::consts::{PI, TAU};
-use std::time::Instant;
 
 use nalgebra::{Point2, Vector2};
 use palpate::finger::contact::Reading;
@@ -27,6 +26,7 @@ use palpate::pushing::pushed_world::{Played, PushedWorld};
 
 use super::drawn_pushes::part;
 use super::judged::{self, JudgedCase, Stated};
+use super::processor_time::ProcessorTime;
 use super::{Cell, Experiment, Table, TableSettings, cases};
 
 /// The table.
@@ -150,7 +150,7 @@ fn cells(name: &'static str, outcomes: &[Outcome], table: &mut Table) -> Vec<Cel
 }
 
 fn judge(case: &Case) -> Outcome {
-    let begun = Instant::now();
+    let begun = ProcessorTime::now();
     let (onset, measured) = case.felt();
     let onset_error = onset.map_or(f64::NAN, |onset| onset - case.onset);
     let Some(measured) = measured else {
@@ -161,13 +161,13 @@ fn judge(case: &Case) -> Outcome {
             squared_error: None,
             is_covered: None,
             stated: Vec::new(),
-            milliseconds: begun.elapsed().as_secs_f64() * 1e3,
+            milliseconds: begun.milliseconds(),
         };
         return Outcome { judged, onset_error, told: case.told() };
     };
     let known = case.known();
     let estimate = from_rest::estimate(&known, &measured);
-    let milliseconds = begun.elapsed().as_secs_f64() * 1e3;
+    let milliseconds = begun.milliseconds();
     let hypotheses = &estimate.hypotheses;
     let truth = case.truth_among(&estimate);
     let refitted = from_rest::follow(&known, &measured, &case.truth(&estimate));

@@ -9,8 +9,6 @@
 //!
 //! Units: SI inside, as the headings say in the table. Errors: none.
 
-use std::time::Instant;
-
 use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector2, Vector3};
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::least_squares::{self, LeastSquaresProblem, LeastSquaresSettings, NormalEquations};
@@ -21,6 +19,7 @@ use palpate::rolling::{
     RollHypothesis, RollQuestion, RollSample, RollVerdict, RollingBody, Spin,
 };
 
+use super::processor_time::ProcessorTime;
 use super::{Cell, Experiment, Table, TableSettings, cases, judged};
 
 /// The table.
@@ -203,9 +202,9 @@ impl Outcome {
 }
 
 fn judge(case: &Case) -> Outcome {
-    let begun = Instant::now();
+    let begun = ProcessorTime::now();
     let estimate = case.answer(0.0);
-    let milliseconds = begun.elapsed().as_secs_f64() * 1e3;
+    let milliseconds = begun.milliseconds();
     let turned = case.answer(case.turn);
     let truth = estimate.hypotheses.iter().find(|hypothesis| case.is_truth(hypothesis));
     let near = |hypothesis: &RollHypothesis| case.error(hypothesis) < NEAR_DEG.to_radians();

@@ -5,8 +5,6 @@
 //!
 //! Units: as the columns' headings say. Errors: none; a chain that broke is a failure.
 
-use std::time::Instant;
-
 use nalgebra::{Point2, Vector2};
 use palpate::math::random::Draw;
 use palpate::math::statistics::{median, percentile};
@@ -22,6 +20,7 @@ use super::cases::of_each_in_order;
 use super::chain::{finger_seed, known_of};
 use super::demonstration::Rig;
 use super::parts::DOUBT;
+use super::processor_time::ProcessorTime;
 use super::touched_parts::{LIBRARY, LIBRARY_SEED};
 use super::{Cell, Experiment, Table, TableSettings};
 
@@ -168,14 +167,14 @@ fn trial(ranges: &Ranges, seed: u64, case: usize, parts: &[Part], is_known: bool
 }
 
 fn named(ranges: &Ranges, rig: &Rig, parts: &[Part], measured: &WindowedForce, truth: Option<usize>) -> Trial {
-    let begun = Instant::now();
+    let begun = ProcessorTime::now();
     let known = |part: usize| known_of(ranges, &parts[part], rig.finger());
     let looks: Vec<_> = (0..parts.len()).map(|part| from_rest::first_look(&known(part), measured)).collect();
     let Shortlist { kept, .. } = Shortlist::new(&looks);
     let searched = kept.iter().map(|&part| known(part));
     let ranked = which_part(searched.map(|known| (known.part, known.estimate(measured))));
     let none = none_of_these(&ranked, parts.len());
-    let seconds = begun.elapsed().as_secs_f64();
+    let seconds = begun.seconds();
     let of = |part: &PartEstimate| (kept[part.part], (1.0 - none) * part.probability);
     let shares: Vec<_> = ranked.iter().map(of).collect();
     let is_true = |(part, _): &&(usize, f64)| Some(*part) == truth;

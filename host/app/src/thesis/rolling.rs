@@ -3,9 +3,6 @@
 //! The thesis proves local observability and leaves the observer open, so there are no numbers of its own to compare
 //! with.
 
-use std::fs;
-use std::time::Instant;
-
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::random::Draw;
@@ -15,6 +12,7 @@ use palpate::rolling::{
     RollState, RollingBody, Spin, specific_force,
 };
 
+use super::processor_time::ProcessorTime;
 use super::{Cell, Experiment, Table, TableSettings};
 
 /// Attitudes from 0.4 s of contacts, and from other windows and sensors.
@@ -140,17 +138,9 @@ fn question(bodies: Vec<RollingBody>, spins: Vec<Spin>, noise: Noise) -> RollQue
 
 /// An estimate with the processor time it took, ms.
 fn timed(question: &RollQuestion, trial: &Trial) -> (Option<RollEstimate>, f64) {
-    let begun = processor_ms();
+    let begun = ProcessorTime::now();
     let estimate = question.answer(DT, &trial.u).ok();
-    (estimate, processor_ms() - begun)
-}
-
-/// Processor time of this thread, ms: on Linux what the kernel counts, elsewhere the clock on the wall.
-fn processor_ms() -> f64 {
-    thread_local!(static BEGUN: Instant = Instant::now());
-    let counted = fs::read_to_string("/proc/thread-self/schedstat").ok();
-    let first = counted.and_then(|text| text.split(' ').next()?.parse::<f64>().ok());
-    first.map_or_else(|| BEGUN.with(|begun| begun.elapsed().as_secs_f64() * 1e3), |nanoseconds| nanoseconds * 1e-6)
+    (estimate, begun.milliseconds())
 }
 
 /// One of the values, the upper of the two middle ones; not a number without any.

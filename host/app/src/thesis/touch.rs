@@ -15,6 +15,7 @@ use palpate::pushing::quasi_static::Support;
 use palpate::pushing::touched_world::{TouchErrors, TouchedWorld};
 
 use super::cases::{of_each_in_order, until_possible};
+use super::processor_time::ProcessorTime;
 use super::{Cell, Experiment, Table, TableSettings};
 
 /// Parts anywhere in a square.
@@ -199,7 +200,7 @@ impl Trial {
 }
 
 fn trial(seed: u64, case: usize, setting: &Setting) -> Trial {
-    let begun = std::time::Instant::now();
+    let begun = ProcessorTime::now();
     let mut draw = Draw::case(seed, case);
     let outline = if setting.symmetric {
         symmetric_part(&mut draw)
@@ -240,7 +241,7 @@ fn trial(seed: u64, case: usize, setting: &Setting) -> Trial {
         touches: search.touches().len(),
         approaches,
         moved: outlines_apart(&outline, &pose, &world.pose),
-        seconds: begun.elapsed().as_secs_f64(),
+        seconds: begun.seconds(),
     }
 }
 

@@ -1,13 +1,12 @@
 //! Which of many parts was touched, or none of them: is it named rightly, and how long is each approach thought about?
 
-use std::time::Instant;
-
 use palpate::geometry::SimplePolygon;
 use palpate::inscription::{Met, PartLeft, PartsSearch, PartsVerdict, TouchTolerance};
 use palpate::math::random::Draw;
 use palpate::math::statistics::{median, percentile};
 
 use super::cases::{of_each_in_order, random_part};
+use super::processor_time::ProcessorTime;
 use super::touch::{APPROACHES_MAX, Ending, PLANNED_ROBOT_MM, RADIUS, area, judged, placed, safe_speed, widened};
 use super::{Cell, Experiment, Table, TableSettings};
 
@@ -107,10 +106,10 @@ fn trial(seed: u64, case: usize, parts: &[SimplePolygon], is_known: bool) -> Tri
     let outline = if is_known { &parts[number] } else { &stranger };
     let mut world = placed(outline, PLANNED_ROBOT_MM, &mut draw);
     let speed = safe_speed(outline);
-    let begun = Instant::now();
+    let begun = ProcessorTime::now();
     let mut search = PartsSearch::new(parts, RADIUS, area(), TouchTolerance::default());
     let mut next = search.next();
-    let mut answers = vec![begun.elapsed().as_secs_f64()];
+    let mut answers = vec![begun.seconds()];
     let mut touches = 0;
     let (ending, said) = loop {
         let found = |left: &PartLeft| {
@@ -134,10 +133,10 @@ fn trial(seed: u64, case: usize, parts: &[SimplePolygon], is_known: bool) -> Tri
                     break (Ending::GivenUp, "the part cannot be touched".to_owned());
                 };
                 touches += usize::from(matches!(met, Met::Part(_)));
-                let begun = Instant::now();
+                let begun = ProcessorTime::now();
                 search.take(&approach, &widened(met));
                 next = search.next();
-                answers.push(begun.elapsed().as_secs_f64());
+                answers.push(begun.seconds());
             }
             (PartsVerdict::Open(_), _) => break (Ending::GivenUp, format!("{} parts left", search.parts_left())),
         }

@@ -10,6 +10,8 @@
     reason = "a benchmark reads the clock; the library does not"
 )]
 
+#[cfg(unix)]
+use std::time::Duration;
 use std::time::Instant;
 
 /// Runs of which the fastest counts.
@@ -21,11 +23,18 @@ pub(crate) fn best_of_runs(mut work: impl FnMut()) -> f64 {
     best
 }
 
-/// Seconds that this thread has worked; where the system does not say, that have passed.
-fn worked(begun: Instant) -> f64 {
-    let told = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
-    let nanoseconds = told.and_then(|told| told.split_whitespace().next()?.parse::<f64>().ok());
-    nanoseconds.map_or_else(|| begun.elapsed().as_secs_f64(), |nanoseconds| nanoseconds * 1e-9)
+/// Seconds that this thread has worked.
+#[cfg(unix)]
+fn worked() -> f64 {
+    let worked = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    Duration::try_from(worked).unwrap_or_default().as_secs_f64()
+}
+
+/// Seconds that have passed since this thread asked first: nobody says how long it worked.
+#[cfg(not(unix))]
+fn worked() -> f64 {
+    thread_local!(static BEGUN: Instant = Instant::now());
+    BEGUN.with(Instant::elapsed).as_secs_f64()
 }
 
 /// The same of the runs that begin within a time, s, of long work one: seconds that the thread works, whatever else the
@@ -33,9 +42,9 @@ fn worked(begun: Instant) -> f64 {
 pub(crate) fn best_of_runs_within(seconds: f64, mut work: impl FnMut()) -> f64 {
     let (begun, mut best) = (Instant::now(), f64::INFINITY);
     for _ in 0..RUNS {
-        let before = worked(begun);
+        let before = worked();
         work();
-        best = best.min(worked(begun) - before);
+        best = best.min(worked() - before);
         if begun.elapsed().as_secs_f64() > seconds {
             break;
         }

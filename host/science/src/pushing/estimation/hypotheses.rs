@@ -7,7 +7,7 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix4, Point2, Rotation2, Vector2, Vector4};
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix4, Point2, Rotation2, Vector2, Vector3, Vector4};
 
 use crate::geometry::Pose;
 use crate::math::angle::wrap_angle;
@@ -294,6 +294,18 @@ impl Hypothesis {
         Some(spread(part, &self.pose_end, &self.covariance?))
     }
 
+    /// Whether it ends as near to another as that, on the same side.
+    fn is_near(&self, other: &Self, near: Nearness) -> bool {
+        let (place, angle) = ((other.end.s - self.end.s).abs(), (other.end.u - self.end.u).abs());
+        other.side == self.side && place < near.place && angle < near.angle
+    }
+
+    /// How far it is from another of the same side: see [`apart_squared`].
+    fn apart(&self, other: &Self) -> Option<f64> {
+        let covariances = self.covariance.as_ref().zip(other.covariance.as_ref()).filter(|_| self.side == other.side);
+        covariances.and_then(|(own, others)| apart_squared((&self.pose_end, own), (&other.pose_end, others)))
+    }
+
     /// Covers another explanation too: the mean squares of the errors of its own pose if either may be true.
     pub(super) fn take_in(&mut self, other: &Self) {
         let both = self.probability + other.probability;
@@ -313,7 +325,31 @@ impl Hypothesis {
             .state_covariance
             .zip(other.state_covariance)
             .map(|(own, other)| own * (1.0 - share) + (other + of_state * of_state.transpose()) * share);
+        let of_mu_g = (other.mu_g / self.mu_g).ln();
+        self.mu_g_log_sd =
+            self.mu_g_log_sd.zip(other.mu_g_log_sd).map(|(own, other)| of_both(share, own, other, of_mu_g));
+        if let Some((own, other)) = self.from_force.as_mut().zip(other.from_force) {
+            own.take_in(&other, share, of_mu_g);
+        }
         self.probability = both;
+    }
+}
+
+/// Standard deviation about the first of two of which either may be true, the other with this share, and so far from it.
+fn of_both(share: f64, sd: f64, other_sd: f64, off: f64) -> f64 {
+    ((1.0 - share) * sd * sd + share * (other_sd * other_sd + off * off)).sqrt()
+}
+
+impl FromForce {
+    /// Covers another explanation too, as likely as its share, ln(µ g) being so much larger in it.
+    fn take_in(&mut self, other: &Self, share: f64, of_mu_g: f64) {
+        let of_mass = (other.mass / self.mass).ln();
+        self.mass_log_sd = of_both(share, self.mass_log_sd, other.mass_log_sd, of_mass);
+        self.resistance_log_sd = of_both(share, self.resistance_log_sd, other.resistance_log_sd, of_mass + of_mu_g);
+        if let (Some(own), Some(others)) = (self.mu_c.zip(self.mu_c_sd), other.mu_c.zip(other.mu_c_sd)) {
+            self.mu_c_sd = Some(of_both(share, own.1, others.1, others.0 - own.0));
+        }
+        self.friction_needed = self.friction_needed.min(other.friction_needed);
     }
 }
 
@@ -322,16 +358,75 @@ impl Hypothesis {
 pub(super) fn joined(hypotheses: impl IntoIterator<Item = Hypothesis>, near: Nearness) -> Vec<Hypothesis> {
     let mut kept: Vec<Hypothesis> = Vec::new();
     for next in hypotheses {
-        let one = |other: &&mut Hypothesis| {
-            let (place, angle) = ((other.end.s - next.end.s).abs(), (other.end.u - next.end.u).abs());
-            other.side == next.side && place < near.place && angle < near.angle
-        };
-        match kept.iter_mut().find(one) {
+        match kept.iter_mut().find(|other| other.is_near(&next, near)) {
             Some(other) => other.take_in(&next),
             None => kept.push(next),
         }
     }
     kept
+}
+
+/// Ends so near each other, or so uncertain, that nobody can tell them apart are one valley's: the likeliest stands for all
+/// that hang together, and covers them. What several cover counts once.
+pub(super) fn of_valleys(mut hypotheses: Vec<Hypothesis>, near: Nearness) -> Vec<Hypothesis> {
+    let covered: Vec<_> =
+        hypotheses.iter().map(|one| times_covered(hypotheses.iter().map(|it| one.apart(it)))).collect();
+    hypotheses.iter_mut().zip(covered).for_each(|(one, times)| one.probability /= times);
+    let total: f64 = hypotheses.iter().map(|hypothesis| hypothesis.probability).sum();
+    hypotheses.iter_mut().for_each(|hypothesis| hypothesis.probability /= total);
+    let is_one = |one: &Hypothesis, other: &Hypothesis| one.is_near(other, near) || overlaps(one.apart(other));
+    let likeliest_first = |mut valley: Vec<Hypothesis>| {
+        valley.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        valley
+    };
+    let one = |mut best: Hypothesis, others: &[Hypothesis]| {
+        others.iter().for_each(|other| best.take_in(other));
+        best
+    };
+    let valleys = connected(hypotheses, is_one).into_iter().map(likeliest_first);
+    valleys.filter_map(|valley| valley.split_first().map(|(best, others)| one(best.clone(), others))).collect()
+}
+
+/// What hangs together by a relation of two.
+pub(super) fn connected<T>(items: Vec<T>, is_one: impl Fn(&T, &T) -> bool) -> Vec<Vec<T>> {
+    let mut groups: Vec<Vec<T>> = Vec::new();
+    for next in items {
+        let mut group: Vec<T> =
+            groups.extract_if(.., |other| other.iter().any(|of| is_one(of, &next))).flatten().collect();
+        group.push(next);
+        groups.push(group);
+    }
+    groups
+}
+
+/// Poses nearer than this overlap, in deviations of both: three.
+const OVERLAP_SQUARED: f64 = 9.0;
+
+/// Exact contacts leave covariances singular where valleys bend. With such deviations more (m, rad) what is surely known
+/// overlaps as far as what counts as one end: half a millimetre, a degree.
+const OVERLAP_SLACK: Vector3<f64> = Vector3::new(SAME_END_M / 3.0, SAME_END_M / 3.0, 0.0175 / 3.0);
+
+/// Squared distance of two poses, in deviations of both; none where they have no covariance.
+pub(super) fn apart_squared(
+    (pose, covariance): (&Pose, &Matrix3<f64>),
+    (other, other_covariance): (&Pose, &Matrix3<f64>),
+) -> Option<f64> {
+    let slack = Matrix3::from_diagonal(&OVERLAP_SLACK.component_mul(&OVERLAP_SLACK));
+    let off = other.minus(pose);
+    let inverse = (covariance + other_covariance + slack).try_inverse()?;
+    Some(off.dot(&(inverse * off)))
+}
+
+/// Whether poses so far apart (in deviations of both, squared) overlap.
+pub(super) fn overlaps(apart_squared: Option<f64>) -> bool {
+    apart_squared.is_some_and(|squared| squared < OVERLAP_SQUARED)
+}
+
+/// How many times what a pose covers is covered, by its distances from all, itself among them.
+pub(super) fn times_covered(apart_squared: impl Iterator<Item = Option<f64>>) -> f64 {
+    let share =
+        |squared: Option<f64>| squared.filter(|_| overlaps(squared)).map_or(0.0, |squared| (-0.5 * squared).exp());
+    apart_squared.map(share).sum::<f64>().max(1.0)
 }
 
 /// Pose of the part at a state reached from contact angle `u0`.
@@ -343,4 +438,66 @@ pub(super) fn pose(model: &PushModel, u0: f64, time: f64, state: &State) -> Pose
     let centre = model.centre_of_mass(time, state);
     let origin: Point2<f64> = centre - Rotation2::new(theta) * model.part.centre_of_mass().coords;
     Pose { x: origin.x, y: origin.y, theta }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::math::random::Draw;
+
+    /// A covariance of a pose: of a millimetre and a degree or less, in any directions.
+    fn covariance(draw: &mut Draw) -> Matrix3<f64> {
+        let root = Matrix3::from_fn(|row, _| draw.normal() * if row == 2 { 0.0175 } else { 1e-3 });
+        root * root.transpose()
+    }
+
+    fn pose(draw: &mut Draw) -> Pose {
+        Pose { x: 3e-3 * draw.normal(), y: 3e-3 * draw.normal(), theta: 0.1 * draw.normal() }
+    }
+
+    proptest! {
+        #[test]
+        fn what_hangs_together_is_what_steps_of_two_lead_to(values in prop::collection::vec(0.0..1.0_f64, 1..30), reach in 0.0..0.2) {
+            let groups = connected(values.clone(), |a, b| (a - b).abs() < reach);
+            prop_assert_eq!(groups.iter().map(Vec::len).sum::<usize>(), values.len());
+            // On a line: groups are apart by a step that is too long, and have none within.
+            let mut groups = groups;
+            groups.iter_mut().for_each(|group| group.sort_by(f64::total_cmp));
+            groups.sort_by(|a, b| a[0].total_cmp(&b[0]));
+            prop_assert!(groups.iter().all(|group| group.windows(2).all(|two| two[1] - two[0] < reach)));
+            prop_assert!(groups.windows(2).all(|two| two[1][0] - two[0][two[0].len() - 1] >= reach));
+        }
+
+        #[test]
+        fn poses_are_as_far_apart_from_either_and_in_any_world(seed: u64, turn in 0.0..TAU) {
+            let mut draw = Draw::new(seed);
+            let (one, of_one, other, of_other) =
+                (pose(&mut draw), covariance(&mut draw), pose(&mut draw), covariance(&mut draw));
+            let here = apart_squared((&one, &of_one), (&other, &of_other)).unwrap();
+            let back = apart_squared((&other, &of_other), (&one, &of_one)).unwrap();
+            let world = Matrix3::from(Rotation2::new(turn).to_homogeneous());
+            let turned = |pose: &Pose| {
+                let place = world * Vector3::new(pose.x, pose.y, pose.theta);
+                Pose { x: place.x, y: place.y, theta: place.z }
+            };
+            let of = |covariance: &Matrix3<f64>| world * covariance * world.transpose();
+            let elsewhere = apart_squared((&turned(&one), &of(&of_one)), (&turned(&other), &of(&of_other))).unwrap();
+            prop_assert!((here - back).abs() < 1e-9 * (1.0 + here) && (here - elsewhere).abs() < 1e-6 * (1.0 + here));
+        }
+
+        #[test]
+        fn what_is_covered_by_many_alike_counts_once(seed: u64, count in 1..20_usize) {
+            let mut draw = Draw::new(seed);
+            let (pose, covariance) = (pose(&mut draw), covariance(&mut draw));
+            let far = Pose { x: pose.x + 0.1, ..pose };
+            let from = |other: &Pose| apart_squared((&pose, &covariance), (other, &covariance));
+            let alike = std::iter::repeat_n(from(&pose), count);
+            prop_assert!((times_covered(alike.clone().chain([from(&far), None])) - count as f64).abs() < 1e-9);
+            prop_assert!((times_covered([None].into_iter()) - 1.0).abs() < 1e-12);
+        }
+    }
 }

@@ -66,7 +66,7 @@ use path::{Course, CourseStart, Guess, Resolution};
 use seeds::Cover;
 pub use windowed_force::{CalibrationUncertainty, CarriedFinger, Uncertainty, WindowedForce};
 
-use super::hypotheses::{Estimate, Fit, FromForce, GATE, Hypothesis, Nearness, Observer, SAME_END_M, joined};
+use super::hypotheses::{Estimate, Fit, FromForce, GATE, Hypothesis, Nearness, Observer, SAME_END_M, of_valleys};
 use super::planning::Present;
 use crate::math::statistics::fisher_quantile;
 use crate::pushing::dynamics::{ContactLaw, FingerShape, Part, State};
@@ -548,11 +548,9 @@ fn conclude_of<M>(
         _ => Vec::new(),
     };
     let reach = if listed.len() <= WALKED_MAX { Reach::Valley } else { Reach::Slopes };
-    let mut hypotheses: Vec<_> =
+    let hypotheses: Vec<_> =
         listed.iter().filter_map(|minimum| said(minimum, best.unwrap_or(tried(minimum).cost), excess, reach)).collect();
-    let total: f64 = hypotheses.iter().map(|hypothesis| hypothesis.probability).sum();
-    hypotheses.iter_mut().for_each(|hypothesis| hypothesis.probability /= total);
-    let mut hypotheses = joined(hypotheses, SAME_PLACE);
+    let mut hypotheses = of_valleys(hypotheses, SAME_PLACE);
     hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     let fit = Fit { cost: best, degrees_of_freedom: problem.measured.data().len(), cost_max };
     let mu_g_log_sd = problem.course.mu_g_log_sd;

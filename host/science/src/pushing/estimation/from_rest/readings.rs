@@ -27,7 +27,7 @@ use std::ops::AddAssign as _;
 pub use follower::{MotionClock, PushFollower};
 use measured::PathNumbers;
 pub use measured::{MeasuredEstimate, MeasuredFinger, estimate_measured_until};
-use nalgebra::{Isometry2, Matrix2, Matrix3, Matrix6, Translation2, UnitComplex, Vector2, Vector3, Vector6};
+use nalgebra::{Isometry2, Matrix2, Matrix3, Matrix6, Translation2, UnitComplex, Vector2, Vector6};
 pub use sensed::{SensedPush, sensed};
 pub use tracker::{ForceTracker, Found, SearchTask, TrackedHypothesis, TrackerState};
 
@@ -40,13 +40,11 @@ use super::numbers::{MotionNumbers, NUMBERED_LEADS, NumberedMinimum, Unknown, re
 use super::part_errors::PartErrors;
 use super::path::{Course, CourseStart, Guess, Resolution};
 use super::windowed_force::place_covariance;
-use super::{
-    GATE, SAME_PLACE, WALKED_MAX, is_one_place, is_possible, leads, leads_of_edges, misfit_limit, search, symmetry,
-};
+use super::{GATE, WALKED_MAX, is_one_place, is_possible, leads, leads_of_edges, misfit_limit, search, symmetry};
 use crate::geometry::Pose;
 use crate::math::unscented::Gaussian;
 use crate::pushing::dynamics::{ContactMode, FingerShape, Part, State};
-use crate::pushing::estimation::hypotheses;
+use crate::pushing::estimation::hypotheses::{self, apart_squared, connected, overlaps, times_covered};
 use crate::pushing::finger_motion::{FingerMotion, Leg};
 use crate::search::{Halt, Searched, Stop, never};
 
@@ -570,7 +568,7 @@ impl AtEnd {
 fn conclude(concluded: Vec<Concluded>, known: &KnownOfFinger, symmetry: usize) -> Vec<ForceHypothesis> {
     let found = listed(concluded).into_iter().map(|concluded| concluded.found);
     let found: Vec<_> = found.collect();
-    let found = if known.has_numbers() { valleys(found) } else { found };
+    let found = of_valleys(found, if known.has_numbers() { SAMPLED_ALIKE } else { 0.0 });
     let mut hypotheses: Vec<_> = found.into_iter().flat_map(|found| turned(found, known.part, symmetry)).collect();
     let total: f64 = hypotheses.iter().map(|hypothesis| hypothesis.probability).sum();
     hypotheses.iter_mut().for_each(|hypothesis| hypothesis.probability /= total);
@@ -578,54 +576,42 @@ fn conclude(concluded: Vec<Concluded>, known: &KnownOfFinger, symmetry: usize) -
     hypotheses
 }
 
-/// Where numbers of the part are not known, minima that overlap are samples of one valley, which is flat and bends: the
-/// likeliest stands for all of it. What several samples cover counts once.
-fn valleys(mut found: Vec<ForceHypothesis>) -> Vec<ForceHypothesis> {
-    let shared = |one: &ForceHypothesis| found.iter().filter(|other| one.overlaps(other)).count().max(1);
-    let shared: Vec<_> = found.iter().map(shared).collect();
-    found.iter_mut().zip(shared).for_each(|(one, shared)| one.probability /= shared as f64);
-    let mut valleys: Vec<Vec<ForceHypothesis>> = Vec::new();
-    for next in found {
-        let mut valley: Vec<_> =
-            valleys.extract_if(.., |other| other.iter().any(|of| of.overlaps(&next))).flatten().collect();
-        valley.push(next);
-        valleys.push(valley);
-    }
-    valleys.into_iter().filter_map(|valley| ForceHypothesis::of_valley(&valley)).collect()
+/// Of a valley that numbers of the part leave flat and bent, minima are samples: half of what stands for it counts each alike.
+const SAMPLED_ALIKE: f64 = 0.5;
+
+/// Minima that overlap are of one valley: the likeliest stands for all of it. What several cover counts once.
+fn of_valleys(mut found: Vec<ForceHypothesis>, alike: f64) -> Vec<ForceHypothesis> {
+    let covered: Vec<_> = found.iter().map(|one| times_covered(found.iter().map(|it| one.apart(it)))).collect();
+    found.iter_mut().zip(covered).for_each(|(one, times)| one.probability /= times);
+    let valleys = connected(found, |one, other| overlaps(one.apart(other)));
+    valleys.into_iter().filter_map(|valley| ForceHypothesis::of_valley(&valley, alike)).collect()
 }
-
-/// Poses nearer than this overlap, in deviations of both: three.
-const OVERLAP_SQUARED: f64 = 9.0;
-
-/// Exact contacts leave covariances singular: less than this apart (m, rad) two poses of one valley are not told apart.
-const OVERLAP_SLACK: (f64, f64) = (SAME_PLACE.place, SAME_PLACE.angle);
 
 impl ForceHypothesis {
     fn of_pose(&self) -> Matrix3<f64> {
         self.covariance.fixed_view::<3, 3>(0, 0).into_owned()
     }
 
-    fn overlaps(&self, other: &Self) -> bool {
-        let (place, angle) = OVERLAP_SLACK;
-        let slack = Matrix3::from_diagonal(&Vector3::new(place, place, angle).map(|sd| sd * sd));
-        let off = other.pose_end.minus(&self.pose_end);
-        let squared = (self.of_pose() + other.of_pose() + slack).try_inverse().map(|inverse| off.dot(&(inverse * off)));
-        self.edge == other.edge && squared.is_some_and(|squared| squared < OVERLAP_SQUARED)
+    /// How far it is from another of the same edge: see [`apart_squared`].
+    fn apart(&self, other: &Self) -> Option<f64> {
+        let is_one_edge = self.edge == other.edge && !self.is_continuum;
+        let (own, others) = (self.of_pose(), other.of_pose());
+        is_one_edge.then(|| apart_squared((&self.pose_end, &own), (&other.pose_end, &others))).flatten()
     }
 
-    /// The likeliest of a valley's samples, covering all of them: half of its covariance is what they are together by their
-    /// probabilities, half what they are as places of a valley that is as likely everywhere.
-    fn of_valley(samples: &[Self]) -> Option<Self> {
-        let best = samples.iter().max_by(|a, b| a.probability.total_cmp(&b.probability))?;
-        let probability: f64 = samples.iter().map(|sample| sample.probability).sum();
-        let covariance = samples
+    /// The likeliest of a valley's minima, covering all of them: what they are together by their probabilities, and for a
+    /// share as places of a valley that is as likely everywhere.
+    fn of_valley(minima: &[Self], alike: f64) -> Option<Self> {
+        let best = minima.iter().max_by(|a, b| a.probability.total_cmp(&b.probability))?;
+        let probability: f64 = minima.iter().map(|minimum| minimum.probability).sum();
+        let covariance = minima
             .iter()
-            .map(|sample| {
-                let pose = sample.pose_end.minus(&best.pose_end);
-                let (velocity, omega) = (sample.velocity_end - best.velocity_end, sample.end.omega - best.end.omega);
+            .map(|minimum| {
+                let pose = minimum.pose_end.minus(&best.pose_end);
+                let (velocity, omega) = (minimum.velocity_end - best.velocity_end, minimum.end.omega - best.end.omega);
                 let off = Vector6::new(pose.x, pose.y, pose.z, velocity.x, velocity.y, omega);
-                let weight = 0.5 * sample.probability / probability + 0.5 / samples.len() as f64;
-                (sample.covariance + off * off.transpose()) * weight
+                let weight = (1.0 - alike) * minimum.probability / probability + alike / minima.len() as f64;
+                (minimum.covariance + off * off.transpose()) * weight
             })
             .sum();
         Some(Self { probability, covariance, ..best.clone() })

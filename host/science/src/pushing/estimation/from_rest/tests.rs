@@ -690,13 +690,14 @@ fn estimate_on_it(DrawnPush { part, ranges, drawn, draw }: &DrawnPush, mu_g_log_
 /// The hypothesis that is the truth, and its errors of ln µ, ln m and ln µm in standard deviations.
 fn errors(DrawnPush { part, ranges, drawn, .. }: &DrawnPush, estimate: &Estimate) -> Option<[f64; 3]> {
     let truth = drawn.played.pose(estimate.time_end)?;
-    // Of what fits all along a valley some places are listed: each stands for as much as it states.
-    let near = |found: &&Hypothesis| {
-        let error = pose_error(part, estimate.symmetry, &found.pose_end, &truth);
-        let turn_sd = found.covariance.map_or(0.0, |covariance| covariance.m33.sqrt());
-        error.distance < 2e-3 && error.angle < f64::max(0.05, turn_sd)
+    // Of what fits all along a valley one place is listed, and stands for as much as it states.
+    let error = |found: &Hypothesis| pose_error(part, estimate.symmetry, &found.pose_end, &truth);
+    let off = |found: &Hypothesis| error(found).distance / 2e-3 + error(found).angle / 0.05;
+    let is_near = |found: &&Hypothesis| {
+        let (distance_sd, turn_sd) = found.spread(part).unwrap_or_default();
+        error(found).distance < f64::max(2e-3, 3.0 * distance_sd) && error(found).angle < f64::max(0.05, 3.0 * turn_sd)
     };
-    let found = estimate.hypotheses.iter().find(near)?;
+    let found = estimate.hypotheses.iter().filter(is_near).min_by(|a, b| off(a).total_cmp(&off(b)))?;
     let mu_g = (found.mu_g / (ranges.mu * crate::gravity::GRAVITY_ASSUMED)).ln();
     let force = found.from_force?;
     let mass = (force.mass / drawn.mass).ln();
