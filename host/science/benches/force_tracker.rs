@@ -11,15 +11,13 @@
 
 mod yardstick;
 
-use std::time::Instant;
-
 use nalgebra::Vector2;
 use palpate::math::random::Draw;
 use palpate::math::statistics::percentile;
 use palpate::never;
 use palpate::pushing::estimation::from_rest::readings::{ForceReading, ForceTracker, KnownOfFinger, TrackerState};
 use palpate::pushing::estimation::from_rest::trial::{RADIUS_M, Ranges, random_part};
-use yardstick::best_of_runs;
+use yardstick::{best_of_runs, worked};
 
 /// Pushes.
 const PUSHES: usize = 12;
@@ -49,17 +47,17 @@ fn main() {
         for time in times {
             let noise = Vector2::new(draw.normal(), draw.normal()) * NOISE_N;
             let reading = ForceReading { time, force: drawn.played.force_finger(time) + noise };
-            let begun = Instant::now();
+            let begun = worked();
             tracker.take(&known, reading);
             let told = tracker.hypotheses(&known).len();
-            let took = begun.elapsed().as_secs_f64();
+            let took = worked() - begun;
             if tracker.state() == TrackerState::Following {
                 if told <= FEW { few.push(took) } else { many.push(took) }
             }
             if let Some(task) = tracker.search_due() {
-                let begun = Instant::now();
+                let begun = worked();
                 let found = task.run(&known, &never);
-                searches.push(begun.elapsed().as_secs_f64());
+                searches.push(worked() - begun);
                 tracker.adopt(&known, found);
             }
         }

@@ -496,6 +496,13 @@ fn the_part_that_was_pushed_is_named_from_a_library() {
     let said = text(&which(&library, &[]).stdout);
     assert_fits_a_terminal(&said);
     assert!(unfolded(&said).contains(&format!("Left out are {} of 5 parts", left_out.len())), "{said}");
+    assert!(unfolded(&said).contains("A part that is not in the library may feel like one of it"), "{said}");
+    assert!(answer["next_push"].is_null(), "{answer}");
+    // Of two names for one part nobody can tell which it is, however the finger goes on.
+    std::fs::copy(example("part.toml"), library.join("twin.toml")).unwrap();
+    let said = text(&which(&library, &[]).stdout);
+    assert_fits_a_terminal(&said);
+    assert!(unfolded(&said).contains("None of the motions that plan-push knows would tell them apart."), "{said}");
     let nothing = which(&folder.path().join("none"), &[]);
     assert_eq!(nothing.status.code(), Some(1));
     assert!(unfolded(&text(&nothing.stderr)).contains("cannot use the library"), "{}", text(&nothing.stderr));
@@ -617,6 +624,11 @@ fn what_the_part_stands_on_is_named_and_its_pose_whatever_it_is() {
     check(&answer["whichever"], &played);
     let said = text(&which(&[]).stdout);
     assert!(said.contains("supports.toml on its base") && said.contains("on three feet"), "{said}");
+    // Both are possible still: how to go on is told to either reader alike.
+    let name = answer["next_push"]["motion"].as_str().unwrap();
+    let segments = answer["next_push"]["segments"].as_array().unwrap();
+    assert!(segments.iter().map(|of| of["seconds"].as_f64().unwrap()).sum::<f64>() > 0.4, "{answer}");
+    assert!(unfolded(&said).contains(&format!("To tell them apart: Go {name}")), "{said}{answer}");
     // Who needs one support says so.
     let output =
         palpate(&["observe", "--motion"]).arg(example("motion.toml")).arg("--part").arg(&part).arg(&table).output();

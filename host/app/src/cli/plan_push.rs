@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use nalgebra::Vector2;
-use palpate::pushing::estimation::planning::{self, PlannedMotion, Present, Prospect, Sampling, SensedAngle};
+use palpate::pushing::estimation::planning::{self, PlannedMotion, Present, Prospect, Rival, Sampling, SensedAngle};
 use palpate::pushing::estimation::{Estimate, Hypothesis, from_rest};
 use palpate::pushing::finger_motion::Segment;
 use palpate_files::part::PolygonFile;
@@ -18,6 +18,13 @@ use crate::width::folded;
 
 /// One value a hundredth of a second, s.
 const VALUES_EVERY_S: f64 = 0.01;
+
+/// How strongly the finger turns aside and for how long where nothing else is said, mm/s² and s.
+const ACCELERATION_MM_S2: f64 = 150.0;
+const SECONDS: f64 = 0.5;
+
+/// How the force's direction scatters over [`VALUES_EVERY_S`] where nothing else is said, degrees.
+const NOISE_DEG: f64 = 0.112;
 
 /// A motion that lowers the risk by less than this share of it is no better than going straight on.
 const WORTHWHILE: f64 = 0.1;
@@ -55,7 +62,7 @@ pub(crate) struct Arguments {
     motion: MotionArgument,
 
     /// How strongly the finger can turn aside or speed up
-    #[arg(long, value_name = "MM/S2", value_parser = positive, default_value_t = 150.0)]
+    #[arg(long, value_name = "MM/S2", value_parser = positive, default_value_t = ACCELERATION_MM_S2)]
     acceleration_mm_s2: f64,
 
     /// How fast the finger may become: faster motions are left out
@@ -63,11 +70,11 @@ pub(crate) struct Arguments {
     speed_max_mm_s: Option<f64>,
 
     /// How long it goes on
-    #[arg(long, value_name = "S", value_parser = super::stretch, default_value_t = 0.5)]
+    #[arg(long, value_name = "S", value_parser = super::stretch, default_value_t = SECONDS)]
     seconds: f64,
 
     /// Standard deviation of the force's direction, over a hundredth of a second
-    #[arg(long, value_name = "DEG", value_parser = positive, default_value_t = 0.112)]
+    #[arg(long, value_name = "DEG", value_parser = positive, default_value_t = NOISE_DEG)]
     noise_deg: f64,
 
     /// Print one JSON object: SI units, radians
@@ -149,12 +156,7 @@ struct Plan<'e> {
 impl Plan<'_> {
     fn prospects(&self, arguments: &Arguments) -> Vec<Prospect> {
         let beliefs: Vec<_> = self.estimate.hypotheses.iter().filter_map(Hypothesis::belief).collect();
-        let sampling = Sampling {
-            sensed: SensedAngle::ForceDirection,
-            dt: VALUES_EVERY_S,
-            sigma: arguments.noise_deg.to_radians(),
-        };
-        planning::prospects(&self.present, &beliefs, &self.motions, sampling)
+        planning::prospects(&self.present, &beliefs, &self.motions, sampling(arguments.noise_deg))
     }
 
     fn lines(&self, prospects: &[Prospect]) -> Vec<String> {
@@ -178,13 +180,7 @@ impl Plan<'_> {
         if hopeless.len() == all {
             return "The poses cannot be told apart by any of these motions.".to_owned();
         }
-        let mut words = match (prospects.first(), prospects.iter().find(|p| p.motion.is_straight())) {
-            (Some(best), Some(straight)) if best.risk >= (1.0 - WORTHWHILE) * straight.risk => {
-                "Go straight on: no other of these motions does much better.".to_owned()
-            }
-            (Some(best), _) => format!("Go {}: {}.", best.motion.name, told(&best.motion)),
-            (None, _) => String::new(),
-        };
+        let mut words = recommended(prospects);
         if !unseparated.is_empty() {
             words += &format!(" Poses {} cannot be told apart by any of these motions.", unseparated.join(", "));
         }
@@ -202,17 +198,48 @@ impl Plan<'_> {
     }
 }
 
+/// What is felt of the force's direction, which scatters by so much, degrees.
+fn sampling(noise_deg: f64) -> Sampling {
+    Sampling { sensed: SensedAngle::ForceDirection, dt: VALUES_EVERY_S, sigma: noise_deg.to_radians() }
+}
+
+/// What each motion would tell of hypotheses of several parts, the best first; nothing of a finger that stands still, which has no
+/// straight on.
+pub(super) fn prospects_among(rivals: &[Rival<'_>]) -> Vec<Prospect> {
+    let Some(velocity) = rivals.first().map(|rival| rival.present.velocity).filter(|velocity| velocity.norm() > 0.0)
+    else {
+        return Vec::new();
+    };
+    let motions = planning::motions(velocity, ACCELERATION_MM_S2 * 1e-3, SECONDS);
+    planning::prospects_among(rivals, &motions, sampling(NOISE_DEG))
+}
+
+/// The motion to make, in words; none without prospects.
+pub(super) fn recommended(prospects: &[Prospect]) -> String {
+    match (prospects.first(), prospects.iter().find(|prospect| prospect.motion.is_straight())) {
+        (Some(best), Some(straight)) if best.risk >= (1.0 - WORTHWHILE) * straight.risk => {
+            "Go straight on: no other of these motions does much better.".to_owned()
+        }
+        (Some(best), _) => format!("Go {}: {}.", best.motion.name, told(&best.motion)),
+        (None, _) => String::new(),
+    }
+}
+
+/// A motion's accelerations, SI units.
+pub(super) fn segments_as_json(motion: &PlannedMotion) -> Value {
+    let segments = motion.segments.iter();
+    segments
+        .map(|segment| json!({"seconds": segment.seconds, "acceleration": [segment.acceleration.x, segment.acceleration.y]}))
+        .collect()
+}
+
 fn prospect_as_json(prospect: &Prospect) -> Value {
     let pairs = prospect.pairs.iter().map(|pair| {
         json!({"hypotheses": pair.hypotheses, "distance_squared": pair.distance_squared, "shared_s": pair.shared_s})
     });
-    let segments = prospect.motion.segments.iter();
-    let segments = segments.map(
-        |segment| json!({"seconds": segment.seconds, "acceleration": [segment.acceleration.x, segment.acceleration.y]}),
-    );
     json!({
         "motion": prospect.motion.name,
-        "segments": segments.collect::<Vec<_>>(),
+        "segments": segments_as_json(&prospect.motion),
         "risk": prospect.risk,
         "contact_s": prospect.contact_s,
         // Nothing is known of a place whose contact ends at once.

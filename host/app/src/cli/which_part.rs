@@ -7,13 +7,15 @@ use std::process::ExitCode;
 use palpate::pushing::dynamics::Part;
 use palpate::pushing::estimation;
 use palpate::pushing::estimation::from_rest::WindowedForce;
-use palpate::pushing::estimation::{Estimate, Observer as _, PartEstimate, Shortlist, from_rest};
+use palpate::pushing::estimation::planning::{self, Prospect, Rival};
+use palpate::pushing::estimation::{Belief, Estimate, Hypothesis, Observer as _, PartEstimate, Shortlist, from_rest};
 use palpate_files::part::PolygonFile;
 use serde_json::json;
 
 use super::lacking;
 use super::library::part_files;
 use super::misfit;
+use super::plan_push;
 use super::pose;
 use super::read::{read_beside, tell_part};
 use super::watched_push::{MotionArgument, WatchedPush, WatchedPushArguments, Watching};
@@ -27,7 +29,8 @@ use crate::width::folded;
 /// supports (`[[support]]`, with a name and feet each) instead of `feet`: then what the part stands on is named too. Every
 /// part is as likely beforehand; how likely it is none of them is told beside, by how well the best one fits. Of a folder
 /// only the parts are searched that come near at a first look; it is told how many are left out. How likely it is none of them
-/// takes into account that of hundreds one resembles whatever is pushed.
+/// takes into account that of hundreds one resembles whatever is pushed. Where several parts are possible it is told how the
+/// finger should go on, as `palpate plan-push` does: ask again with all that was felt by then.
 ///
 /// Exit status: 0, also where no part explains the force; 1 if something cannot be used, 3 if samples of the push were no
 /// measurements (saturated, stuck, settling) or the device started anew, 64 wrong command line.
@@ -73,6 +76,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     if arguments.json {
         let mut told = as_json(&candidates, &ranked);
         told["samples"] = lacking::as_json(&tally);
+        told["next_push"] = next_push(&candidates, &ranked, &push).first().map(next_as_json).into();
         if arguments.library.is_some() {
             let left_out = shortlist.left_out.iter();
             told["left_out"] = left_out
@@ -114,7 +118,51 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     if let Some(mixed) = mixed(&candidates, &ranked).filter(|_| possible > 1) {
         say_poses("Whichever it is", candidate, &mixed);
     }
+    if possible > 1 {
+        let prospects = next_push(&candidates, &ranked, &push);
+        say!("{}", folded(&next_in_words(&prospects)));
+    } else if arguments.library.is_some() {
+        say!("\n{}", folded(ONE_OF_A_LIBRARY));
+    }
     Ok(lacking::status(&tally))
+}
+
+/// What is to be known of the only part of a library that explains a push.
+const ONE_OF_A_LIBRARY: &str = "A part that is not in the library may feel like one of it while the finger turns to one side only. \
+    To be sure let it turn to the other side too, and ask again with all that was felt by then.";
+
+/// Explanations that are told apart by the next push, the likeliest: those beyond are hardly ever true.
+const RIVALS_MAX: usize = 12;
+
+/// What motions would tell of the parts that are possible, and of their poses, the best first.
+fn next_push(candidates: &[Candidate], ranked: &[PartEstimate], push: &WatchedPush) -> Vec<Prospect> {
+    let of_part = |part: &PartEstimate| {
+        let known = push.known(&candidates[part.part].file);
+        let present = known.present(&part.estimate);
+        let probability = part.probability;
+        let beliefs: Vec<_> = part.estimate.hypotheses.iter().filter_map(Hypothesis::belief).collect();
+        let weighed = move |belief: Belief| Belief { probability: probability * belief.probability, ..belief };
+        beliefs.into_iter().map(move |belief| Rival { present, belief: weighed(belief) })
+    };
+    let mut rivals: Vec<_> = ranked.iter().filter(|part| part.probability > 0.0).flat_map(of_part).collect();
+    rivals.sort_by(|a, b| b.belief.probability.total_cmp(&a.belief.probability));
+    rivals.truncate(RIVALS_MAX);
+    if rivals.len() > 1 { plan_push::prospects_among(&rivals) } else { Vec::new() }
+}
+
+fn next_in_words(prospects: &[Prospect]) -> String {
+    let Some(first) = prospects.first() else {
+        return "How to go on cannot be planned: the finger stands still at the end of what was felt, or a place is open."
+            .to_owned();
+    };
+    if planning::inseparable(prospects).len() == first.pairs.len() {
+        return "None of the motions that plan-push knows would tell them apart.".to_owned();
+    }
+    format!("To tell them apart: {}", plan_push::recommended(prospects))
+}
+
+fn next_as_json(best: &Prospect) -> serde_json::Value {
+    json!({ "motion": best.motion.name, "segments": plan_push::segments_as_json(&best.motion), "risk": best.risk })
 }
 
 /// The part with the least misfit.

@@ -25,14 +25,14 @@ pub(crate) fn best_of_runs(mut work: impl FnMut()) -> f64 {
 
 /// Seconds that this thread has worked.
 #[cfg(unix)]
-fn worked() -> f64 {
+pub(crate) fn worked() -> f64 {
     let worked = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     Duration::try_from(worked).unwrap_or_default().as_secs_f64()
 }
 
 /// Seconds that have passed since this thread asked first: nobody says how long it worked.
 #[cfg(not(unix))]
-fn worked() -> f64 {
+pub(crate) fn worked() -> f64 {
     thread_local!(static BEGUN: Instant = Instant::now());
     BEGUN.with(Instant::elapsed).as_secs_f64()
 }

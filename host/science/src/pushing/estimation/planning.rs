@@ -103,6 +103,15 @@ pub struct Present<'p> {
     pub velocity: Vector2<f64>,
 }
 
+/// A hypothesis, with the part that it is of.
+#[derive(Clone, Copy, Debug)]
+pub struct Rival<'p> {
+    /// The push by it.
+    pub present: Present<'p>,
+    /// Where the part is then.
+    pub belief: Belief,
+}
+
 /// A way for the finger to go on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlannedMotion {
@@ -236,11 +245,30 @@ pub fn prospects_until(
     sampling: Sampling,
     stop: Stop<'_>,
 ) -> Searched<Vec<Prospect>> {
+    let rivals: Vec<_> = beliefs.iter().map(|&belief| Rival { present: *present, belief }).collect();
+    prospects_among_until(&rivals, motions, sampling, stop)
+}
+
+/// The same of hypotheses of several parts.
+#[must_use]
+pub fn prospects_among(rivals: &[Rival<'_>], motions: &[PlannedMotion], sampling: Sampling) -> Vec<Prospect> {
+    prospects_among_until(rivals, motions, sampling, &never).found
+}
+
+fn prospects_among_until(
+    rivals: &[Rival<'_>],
+    motions: &[PlannedMotion],
+    sampling: Sampling,
+    stop: Stop<'_>,
+) -> Searched<Vec<Prospect>> {
     let halt = Halt::new(stop);
     let prospect = |motion: &PlannedMotion| {
-        let foreseen = |belief| (!halt.is_wished()).then(|| Foreseen::of(&Ahead { present, belief, motion, sampling }));
-        let foreseen = beliefs.iter().map(foreseen).collect::<Option<Vec<_>>>()?;
-        Some(judge(motion, beliefs, &foreseen, sampling))
+        let foreseen = |Rival { present, belief }: &Rival<'_>| {
+            (!halt.is_wished()).then(|| Foreseen::of(&Ahead { present, belief, motion, sampling }))
+        };
+        let foreseen = rivals.iter().map(foreseen).collect::<Option<Vec<_>>>()?;
+        let probabilities: Vec<_> = rivals.iter().map(|rival| rival.belief.probability).collect();
+        Some(judge(motion, &probabilities, &foreseen, sampling))
     };
     let mut prospects: Vec<_> = motions.iter().map_while(prospect).collect();
     prospects.sort_by(|a, b| a.risk.total_cmp(&b.risk));
@@ -525,17 +553,18 @@ fn angle(sample: &Sample, sensed: SensedAngle) -> Option<f64> {
     }
 }
 
-fn judge(motion: &PlannedMotion, beliefs: &[Belief], foreseen: &[Foreseen], sampling: Sampling) -> Prospect {
+fn judge(motion: &PlannedMotion, probabilities: &[f64], foreseen: &[Foreseen], sampling: Sampling) -> Prospect {
     let pair = |first: usize, second: usize| {
         let (distance_squared, shared) = distance_squared(&foreseen[first], &foreseen[second], sampling.sigma);
         Pair { hypotheses: [first, second], distance_squared, shared_s: span(shared, sampling) }
     };
-    let pairs = (0..beliefs.len()).flat_map(|first| (first + 1..beliefs.len()).map(move |second| (first, second)));
+    let count = foreseen.len();
+    let pairs = (0..count).flat_map(|first| (first + 1..count).map(move |second| (first, second)));
     let pairs = pairs.map(|(first, second)| pair(first, second)).collect();
     let place_sd: Vec<_> = foreseen.iter().map(|foreseen| foreseen.place_sd(sampling.sigma)).collect();
-    let risks = (0..beliefs.len())
-        .map(|truth| beliefs[truth].probability * risk(foreseen, truth, place_sd[truth], sampling.sigma));
-    let risk = risks.sum();
+    let risks = probabilities.iter().enumerate();
+    let risk =
+        risks.map(|(truth, probability)| probability * risk(foreseen, truth, place_sd[truth], sampling.sigma)).sum();
     let contact_s = foreseen.iter().map(|foreseen| span(foreseen.angles.len(), sampling)).collect();
     Prospect { motion: motion.clone(), risk, pairs, contact_s, place_sd }
 }
