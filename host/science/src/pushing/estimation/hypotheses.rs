@@ -306,6 +306,15 @@ impl Hypothesis {
         covariances.and_then(|(own, others)| apart_squared((&self.pose_end, own), (&other.pose_end, others)))
     }
 
+    /// The likeliest of a valley, covering all of it.
+    fn of_valley(mut valley: Vec<Self>) -> Option<Self> {
+        valley.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        valley.into_iter().reduce(|mut best, other| {
+            best.take_in(&other);
+            best
+        })
+    }
+
     /// Covers another explanation too: the mean squares of the errors of its own pose if either may be true.
     pub(super) fn take_in(&mut self, other: &Self) {
         let both = self.probability + other.probability;
@@ -367,28 +376,31 @@ pub(super) fn joined(hypotheses: impl IntoIterator<Item = Hypothesis>, near: Nea
 }
 
 /// Ends so near each other, or so uncertain, that nobody can tell them apart are one valley's: the likeliest stands for all
-/// that hang together, and covers them. What several cover counts once.
-pub(super) fn of_valleys(mut hypotheses: Vec<Hypothesis>, near: Nearness) -> Vec<Hypothesis> {
-    let covered: Vec<_> =
-        hypotheses.iter().map(|one| times_covered(hypotheses.iter().map(|it| one.apart(it)))).collect();
-    hypotheses.iter_mut().zip(covered).for_each(|(one, times)| one.probability /= times);
-    let total: f64 = hypotheses.iter().map(|hypothesis| hypothesis.probability).sum();
-    hypotheses.iter_mut().for_each(|hypothesis| hypothesis.probability /= total);
-    let is_one = |one: &Hypothesis, other: &Hypothesis| one.is_near(other, near) || overlaps(one.apart(other));
-    let likeliest_first = |mut valley: Vec<Hypothesis>| {
-        valley.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-        valley
-    };
-    let one = |mut best: Hypothesis, others: &[Hypothesis]| {
-        others.iter().for_each(|other| best.take_in(other));
-        best
-    };
-    let valleys = connected(hypotheses, is_one).into_iter().map(likeliest_first);
-    valleys.filter_map(|valley| valley.split_first().map(|(best, others)| one(best.clone(), others))).collect()
+/// that hang together, and covers them.
+pub(super) fn of_valleys(hypotheses: Vec<Hypothesis>, near: Nearness) -> Vec<Hypothesis> {
+    let is_near = |one: &Hypothesis, other: &Hypothesis| one.is_near(other, near);
+    let valleys = valleys(hypotheses, Hypothesis::apart, is_near, |of| &mut of.probability).into_iter();
+    let mut stand_for: Vec<_> = valleys.filter_map(Hypothesis::of_valley).collect();
+    let total: f64 = stand_for.iter().map(|hypothesis| hypothesis.probability).sum();
+    stand_for.iter_mut().for_each(|hypothesis| hypothesis.probability /= total);
+    stand_for
+}
+
+/// What hangs together, since poses so far apart (in deviations of both, squared) overlap or since two are one anyway; what
+/// several cover counts once.
+pub(super) fn valleys<T>(
+    mut all: Vec<T>,
+    apart: impl Fn(&T, &T) -> Option<f64>,
+    is_one: impl Fn(&T, &T) -> bool,
+    probability: impl Fn(&mut T) -> &mut f64,
+) -> Vec<Vec<T>> {
+    let covered: Vec<_> = all.iter().map(|one| times_covered(all.iter().map(|other| apart(one, other)))).collect();
+    all.iter_mut().zip(covered).for_each(|(one, times)| *probability(one) /= times);
+    connected(all, |one, other| is_one(one, other) || overlaps(apart(one, other)))
 }
 
 /// What hangs together by a relation of two.
-pub(super) fn connected<T>(items: Vec<T>, is_one: impl Fn(&T, &T) -> bool) -> Vec<Vec<T>> {
+fn connected<T>(items: Vec<T>, is_one: impl Fn(&T, &T) -> bool) -> Vec<Vec<T>> {
     let mut groups: Vec<Vec<T>> = Vec::new();
     for next in items {
         let mut group: Vec<T> =
@@ -418,12 +430,12 @@ pub(super) fn apart_squared(
 }
 
 /// Whether poses so far apart (in deviations of both, squared) overlap.
-pub(super) fn overlaps(apart_squared: Option<f64>) -> bool {
+fn overlaps(apart_squared: Option<f64>) -> bool {
     apart_squared.is_some_and(|squared| squared < OVERLAP_SQUARED)
 }
 
 /// How many times what a pose covers is covered, by its distances from all, itself among them.
-pub(super) fn times_covered(apart_squared: impl Iterator<Item = Option<f64>>) -> f64 {
+fn times_covered(apart_squared: impl Iterator<Item = Option<f64>>) -> f64 {
     let share =
         |squared: Option<f64>| squared.filter(|_| overlaps(squared)).map_or(0.0, |squared| (-0.5 * squared).exp());
     apart_squared.map(share).sum::<f64>().max(1.0)

@@ -42,23 +42,24 @@ pub fn first_look(known: &KnownFromRest, measured: &WindowedForce) -> Fit {
     let coarse = fine.coarse();
     let look = Problem { course: &coarse, measured: &looked_at, mass: None };
     let mut tried = starts(&look, &edges, Cover::Sparse, &Halt::new(&never));
+    let values = measured.data().len();
+    let cost_max = misfit_limit(values, measured.freedom());
     let fit = |tried: &[Tried]| {
         let cost = Some(least_cost(tried)).filter(|cost| cost.is_finite());
-        let values = measured.data().len();
-        Fit { cost, degrees_of_freedom: values, cost_max: misfit_limit(values, measured.freedom()) }
+        Fit { cost, degrees_of_freedom: values, cost_max }
     };
     for (followed, steps, far) in STAGES {
         tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         tried.truncate(followed);
         tried = apart(&look, tried.into_iter().map(|tried| look.descend(tried, steps)).collect());
         let so_far = fit(&tried);
-        if so_far.cost.is_none_or(|cost| cost > far * so_far.cost_max) {
+        if so_far.cost.is_none_or(|cost| cost > far * cost_max) {
             return so_far;
         }
     }
     let mut last = fit(&tried);
     for (course, far) in [(&coarse, FAR), (&fine, FAR_BY_COARSE_STEPS)] {
-        tried.retain(|tried| tried.cost <= far * last.cost_max);
+        tried.retain(|tried| tried.cost <= far * cost_max);
         if tried.is_empty() {
             break;
         }

@@ -44,7 +44,7 @@ use super::{GATE, WALKED_MAX, is_one_place, is_possible, leads, leads_of_edges, 
 use crate::geometry::Pose;
 use crate::math::unscented::Gaussian;
 use crate::pushing::dynamics::{ContactMode, FingerShape, Part, State};
-use crate::pushing::estimation::hypotheses::{self, apart_squared, connected, overlaps, times_covered};
+use crate::pushing::estimation::hypotheses::{self, apart_squared, valleys};
 use crate::pushing::finger_motion::{FingerMotion, Leg};
 use crate::search::{Halt, Searched, Stop, never};
 
@@ -568,8 +568,11 @@ impl AtEnd {
 fn conclude(concluded: Vec<Concluded>, known: &KnownOfFinger, symmetry: usize) -> Vec<ForceHypothesis> {
     let found = listed(concluded).into_iter().map(|concluded| concluded.found);
     let found: Vec<_> = found.collect();
-    let found = of_valleys(found, if known.has_numbers() { SAMPLED_ALIKE } else { 0.0 });
-    let mut hypotheses: Vec<_> = found.into_iter().flat_map(|found| turned(found, known.part, symmetry)).collect();
+    let alike = if known.has_numbers() { SAMPLED_ALIKE } else { 0.0 };
+    // Minima that overlap are of one valley: the likeliest stands for all of it.
+    let valleys = valleys(found, ForceHypothesis::apart, |_, _| false, |of| &mut of.probability);
+    let found = valleys.into_iter().filter_map(|valley| ForceHypothesis::of_valley(&valley, alike));
+    let mut hypotheses: Vec<_> = found.flat_map(|found| turned(found, known.part, symmetry)).collect();
     let total: f64 = hypotheses.iter().map(|hypothesis| hypothesis.probability).sum();
     hypotheses.iter_mut().for_each(|hypothesis| hypothesis.probability /= total);
     hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
@@ -578,14 +581,6 @@ fn conclude(concluded: Vec<Concluded>, known: &KnownOfFinger, symmetry: usize) -
 
 /// Of a valley that numbers of the part leave flat and bent, minima are samples: half of what stands for it counts each alike.
 const SAMPLED_ALIKE: f64 = 0.5;
-
-/// Minima that overlap are of one valley: the likeliest stands for all of it. What several cover counts once.
-fn of_valleys(mut found: Vec<ForceHypothesis>, alike: f64) -> Vec<ForceHypothesis> {
-    let covered: Vec<_> = found.iter().map(|one| times_covered(found.iter().map(|it| one.apart(it)))).collect();
-    found.iter_mut().zip(covered).for_each(|(one, times)| one.probability /= times);
-    let valleys = connected(found, |one, other| overlaps(one.apart(other)));
-    valleys.into_iter().filter_map(|valley| ForceHypothesis::of_valley(&valley, alike)).collect()
-}
 
 impl ForceHypothesis {
     fn of_pose(&self) -> Matrix3<f64> {
