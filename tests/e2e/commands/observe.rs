@@ -531,7 +531,8 @@ fn the_part_that_was_pushed_is_named_from_a_library() {
     assert!(answer["next_push"].is_null(), "{answer}");
     // Of two names for one part nobody can tell which it is, however the finger goes on.
     std::fs::copy(example("part.toml"), library.join("twin.toml")).unwrap();
-    let said = text(&which(&library, &[]).stdout);
+    let (answer, said) = (last_answer(&which(&library, &["--json"])), text(&which(&library, &[]).stdout));
+    assert!(answer["next_push"].is_null(), "{answer}");
     assert_fits_a_terminal(&said);
     assert!(unfolded(&said).contains("None of the motions that plan-push knows would tell them apart."), "{said}");
     let nothing = which(&folder.path().join("none"), &[]);

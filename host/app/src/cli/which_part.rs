@@ -76,7 +76,8 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     if arguments.json {
         let mut told = as_json(&candidates, &ranked);
         told["samples"] = lacking::as_json(&tally);
-        told["next_push"] = next_push(&candidates, &ranked, &push).first().map(next_as_json).into();
+        let prospects = next_push(&candidates, &ranked, &push);
+        told["next_push"] = prospects.first().filter(|_| separate(&prospects)).map(next_as_json).into();
         if arguments.library.is_some() {
             let left_out = shortlist.left_out.iter();
             told["left_out"] = left_out
@@ -150,12 +151,17 @@ fn next_push(candidates: &[Candidate], ranked: &[PartEstimate], push: &WatchedPu
     if rivals.len() > 1 { plan_push::prospects_among(&rivals) } else { Vec::new() }
 }
 
+/// Whether any motion tells any two explanations apart.
+fn separate(prospects: &[Prospect]) -> bool {
+    prospects.first().is_some_and(|first| planning::inseparable(prospects).len() < first.pairs.len())
+}
+
 fn next_in_words(prospects: &[Prospect]) -> String {
-    let Some(first) = prospects.first() else {
+    if prospects.is_empty() {
         return "How to go on cannot be planned: the finger stands still at the end of what was felt, or a place is open."
             .to_owned();
-    };
-    if planning::inseparable(prospects).len() == first.pairs.len() {
+    }
+    if !separate(prospects) {
         return "None of the motions that plan-push knows would tell them apart.".to_owned();
     }
     format!("To tell them apart: {}", plan_push::recommended(prospects))
