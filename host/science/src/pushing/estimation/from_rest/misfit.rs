@@ -21,7 +21,7 @@ use nalgebra::{Matrix2, Point2, Vector2};
 
 use super::felt::Felt as _;
 use super::fit::Problem;
-use super::{Cover, KnownFromRest, WindowedForce, course, descend_all, misfit_limit, seeds, symmetry};
+use super::{Cover, KnownFromRest, WindowedForce, course, descend_all, misfit_limit, starts, symmetry};
 use crate::pushing::finger_motion::{FingerMotion, Segment};
 use crate::search::{Halt, Searched, Stop};
 
@@ -172,10 +172,10 @@ impl Tried {
 /// Minima of all distinct edges.
 fn search(problem: &Problem, halt: &Halt<'_>) -> Vec<super::Tried> {
     let part = problem.course.part;
-    let sides = part.sides();
-    let distinct = sides.len() / symmetry::order(part);
-    let wanted = sides.take(distinct).take_while(|_| !halt.is_wished());
-    descend_all(problem, wanted.flat_map(|(edge, _)| seeds::on_edge(problem, edge, Cover::Dense)).collect(), halt)
+    let edges = symmetry::distinct(part, symmetry::order(part));
+    let course = problem.course.coarse();
+    let starts = starts(&Problem { course: &course, ..*problem }, &edges, Cover::Dense, halt);
+    descend_all(problem, starts, halt)
 }
 
 /// Angle between the first force on the finger and the reverse of its acceleration.

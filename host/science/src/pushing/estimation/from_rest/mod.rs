@@ -73,14 +73,15 @@ use crate::pushing::dynamics::{ContactLaw, FingerShape, Part, State};
 use crate::pushing::finger_motion::FingerMotion;
 use crate::search::{Halt, Searched, Stop, never};
 
-/// Steps of every fit at first, and how many times dearer than the best one a fit is given up after them, if it is also
-/// more than [`HOPELESS_COST`] above it.
-const STAGES: [(usize, f64); 2] = [(2, 30.0), (2, 3.0)];
+/// Steps of every fit, by coarse steps of time, and how many times dearer than the best one a fit is given up after them, if
+/// it is also more than [`HOPELESS_COST`] above it. The last go on to the minimum.
+const STAGES: [(usize, f64); 3] = [(2, 30.0), (2, 3.0), (usize::MAX, 3.0)];
 
 /// The same before any step: of missed explanations the nearest guess was at most fifty times dearer.
-const HOPELESS_AT_FIRST: f64 = 1000.0;
+const HOPELESS_AT_FIRST: f64 = 100.0;
 
-/// Least difference of costs at which a fit is given up; see [`STAGES`].
+/// Least difference of costs at which a fit is given up; see [`STAGES`]. Coarse steps of time change a cost by some hundreds
+/// where noise is a thousandth of the force; at 1000 pushes of parts that move are lost.
 const HOPELESS_COST: f64 = 3000.0;
 
 /// After their first steps guesses this near each other end in one minimum: rad, radii of gyration, of µ_c.
@@ -246,12 +247,13 @@ fn search(problem: &Problem, edges: &[usize], halt: &Halt<'_>) -> Vec<Tried> {
 
 /// Guesses all over some edges.
 fn starts(problem: &Problem, edges: &[usize], cover: Cover, halt: &Halt<'_>) -> Vec<Tried> {
-    let wanted = edges.iter().take_while(|_| !halt.is_wished());
-    let starts = wanted.flat_map(|&edge| match problem.course.start {
-        CourseStart::Rest => seeds::on_edge(problem, edge, cover),
-        CourseStart::Moving => moving_seeds::on_edge(problem, edge, cover),
-    });
-    starts.collect()
+    match problem.course.start {
+        CourseStart::Rest => seeds::on_edges(problem, edges, cover, halt),
+        CourseStart::Moving => {
+            let wanted = edges.iter().take_while(|_| !halt.is_wished());
+            wanted.flat_map(|&edge| moving_seeds::on_edge(problem, edge, cover)).collect()
+        }
+    }
 }
 
 /// The best minima that may be listed, or lead to one that is: no two nearer than those that are one in an answer.
@@ -465,7 +467,7 @@ fn course<'p>(known: &KnownFromRest<'p>, measured: &WindowedForce) -> Course<'p>
     }
 }
 
-/// Goes down from every start, giving up what stays far above the best; the first steps are coarse ones. Only what came to its
+/// Goes down from every start, giving up what stays far above the best; by coarse steps of time at first. Only what came to its
 /// minimum before the wish to halt is kept.
 fn descend_all(problem: &Problem, starts: Vec<Tried>, halt: &Halt<'_>) -> Vec<Tried> {
     let course = problem.course.coarse();
@@ -475,7 +477,7 @@ fn descend_all(problem: &Problem, starts: Vec<Tried>, halt: &Halt<'_>) -> Vec<Tr
     begun.map(|tried| problem.descend(tried, usize::MAX)).collect()
 }
 
-/// The first steps of that, after which what is left is worth being followed.
+/// The minima of that by coarse steps of time from which it is worth going on.
 fn begin_all(problem: &Problem, starts: Vec<Tried>, halt: &Halt<'_>) -> Vec<Tried> {
     let mut tried = hopeful(starts, HOPELESS_AT_FIRST);
     for (steps, hopeless) in STAGES {

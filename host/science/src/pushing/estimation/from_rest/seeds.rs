@@ -15,6 +15,7 @@ use super::model::sought;
 use super::path::Guess;
 use crate::math::angle::wrap_angle;
 use crate::pushing::dynamics::{ContactMode, PartSide};
+use crate::search::Halt;
 
 /// Spacing of places on an edge, of the radius of gyration: a millimetre or two for a part of 8 cm. At 0.1 one of 2,500
 /// pushes is lost.
@@ -42,9 +43,18 @@ const FRICTIONS: [f64; 9] = [0.05, 0.1, 0.15, 0.2, 0.27, 0.35, 0.45, 0.6, 0.8];
 /// Contact angles nearer than this, rad, are of one family.
 const FAMILY: f64 = 0.35;
 
+/// Nearer than this they are one, rad.
+const SAME_ANGLE: f64 = 1e-6;
+
+/// A contact that rolls with more friction than this leads nowhere.
+const NEEDED_MAX: f64 = 2.0 * MU_C_MAX;
+
 /// How near the direction felt the force turns back where it is tried all the same, rad: from one place to the next it
 /// turns by less.
 const TURNS_NEAR: f64 = 0.1;
+
+/// Guesses beside what costs so many times the least there is are not played. At a hundred times one of 400 pushes is lost.
+const HOPELESS_BESIDE: f64 = 300.0;
 
 /// How close the grid is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,6 +84,14 @@ impl Cover {
         }
     }
 
+    /// Every so many places and frictions are played at first.
+    fn step(self) -> usize {
+        match self {
+            Self::Sparse => 1,
+            Self::Dense | Self::Denser => 2,
+        }
+    }
+
     /// Frictions, ascending.
     fn frictions(self) -> Vec<f64> {
         match self {
@@ -90,36 +108,122 @@ impl Cover {
 /// A member of the grid.
 struct Seed {
     place: usize,
+    /// The number of frictions for what rolls.
     friction: usize,
     tried: Tried,
 }
 
-/// Guesses that are better than their neighbours along one edge, for each friction. Only neighbours count of which the
+impl Seed {
+    /// Whether another place and contact angle is its own or next to it, and of its family.
+    fn is_beside(&self, place: usize, u: f64) -> bool {
+        self.place.abs_diff(place) <= 1 && (self.tried.guess.u - u).abs() < FAMILY
+    }
+}
+
+/// A place on an edge, with the contact angles that agree with the first direction of the force.
+struct Place {
+    index: usize,
+    s: f64,
+    angles: Angles,
+}
+
+/// The grid of one edge, as far as it has been played.
+struct Grid<'f> {
+    edge: usize,
+    places: Vec<Place>,
+    frictions: &'f [f64],
+    /// Every so many places and frictions are played first.
+    step: usize,
+    seeds: Vec<Seed>,
+}
+
+/// Guesses that are better than their neighbours along their edge, for each friction. Only neighbours count of which the
 /// contact does the same: where it slips back, or sticks in between, another minimum begins, however dear its first guess.
 /// A guess with another friction may be cheaper and lead elsewhere: two of 2,500 pushes are lost where it counts too.
-pub(super) fn on_edge(problem: &Problem, edge: usize, cover: Cover) -> Vec<Tried> {
-    let Some(side) = problem.course.side(edge) else { return Vec::new() };
+///
+/// A dense grid is played thinly first, and then where that is not hopeless beside the least cost of all edges
+/// ([`HOPELESS_BESIDE`]).
+pub(super) fn on_edges(problem: &Problem, edges: &[usize], cover: Cover, halt: &Halt<'_>) -> Vec<Tried> {
     let frictions = problem.course.mu_c.map_or_else(|| cover.frictions(), |known| vec![known]);
-    let seeds: Vec<_> = places(problem, &side, cover)
-        .into_iter()
-        .enumerate()
-        .flat_map(|(place, s)| {
-            at_place(problem, edge, s, &frictions).into_iter().map(move |(friction, tried)| Seed {
-                place,
-                friction,
-                tried,
-            })
-        })
-        .collect();
-    let best: Vec<_> = seeds.iter().map(|seed| is_best_around(seed, &seeds)).collect();
-    seeds.into_iter().zip(best).filter(|(_, best)| *best).map(|(seed, _)| seed.tried).collect()
+    let wanted = edges.iter().take_while(|_| !halt.is_wished());
+    let mut grids: Vec<_> = wanted.filter_map(|&edge| Grid::thin(problem, edge, cover, &frictions)).collect();
+    let costs = grids.iter().flat_map(|grid| &grid.seeds).map(|seed| seed.tried.cost);
+    let hopeless = HOPELESS_BESIDE * costs.fold(f64::INFINITY, f64::min);
+    for grid in grids.iter_mut().filter(|grid| grid.step > 1).take_while(|_| !halt.is_wished()) {
+        grid.fill(problem, hopeless);
+    }
+    grids.into_iter().flat_map(Grid::into_best).collect()
+}
+
+impl<'f> Grid<'f> {
+    /// As far as it is played at first.
+    fn thin(problem: &Problem, edge: usize, cover: Cover, frictions: &'f [f64]) -> Option<Self> {
+        let side = problem.course.side(edge)?;
+        let places = places(problem, &side, cover).into_iter().enumerate();
+        let places = places.filter_map(|(index, s)| Some(Place { index, s, angles: Angles::new(problem, edge, s)? }));
+        let mut grid = Self { edge, places: places.collect(), frictions, step: cover.step(), seeds: Vec::new() };
+        grid.seeds = grid.played(problem, |place, friction, _| grid.is_first(place, friction));
+        Some(grid)
+    }
+
+    /// Plays the rest, but for what lies beside hopeless guesses alone.
+    fn fill(&mut self, problem: &Problem, hopeless: f64) {
+        let more = self.played(problem, |place, friction, u| {
+            let is_next = |seed: &&Seed| {
+                let is_next = seed.friction.abs_diff(friction) < self.step || seed.friction == self.rolling();
+                is_next && seed.is_beside(place, u)
+            };
+            let mut beside = self.seeds.iter().filter(is_next).peekable();
+            let is_hopeful = beside.peek().is_none() || beside.any(|seed| seed.tried.cost <= hopeless);
+            is_hopeful && !self.is_first(place, friction)
+        });
+        self.seeds.extend(more);
+    }
+
+    /// What stands for rolling among the frictions.
+    fn rolling(&self) -> usize {
+        self.frictions.len()
+    }
+
+    fn is_first(&self, place: usize, friction: usize) -> bool {
+        place.is_multiple_of(self.step) && (friction.is_multiple_of(self.step) || friction == self.rolling())
+    }
+
+    /// The guesses that are wanted of a place's number, a friction's and a contact angle.
+    fn played(&self, problem: &Problem, wanted: impl Fn(usize, usize, f64) -> bool) -> Vec<Seed> {
+        let mut played: Vec<Seed> = Vec::new();
+        // What rolls comes first: where one friction suffices for it, another that suffices too changes nothing.
+        let rolling = problem.course.mu_c.is_none().then_some(self.rolling());
+        for friction in rolling.into_iter().chain(0..self.frictions.len()) {
+            let mu_c = self.frictions.get(friction).copied().unwrap_or(f64::INFINITY);
+            for place in &self.places {
+                let angles = place.angles.solutions(mu_c).into_iter().filter(|u| wanted(place.index, friction, *u));
+                for u in angles {
+                    let rolls = self.seeds.iter().chain(&played).any(|seed| {
+                        let is_same = seed.place == place.index && (seed.tried.guess.u - u).abs() < SAME_ANGLE;
+                        is_same && seed.friction == self.rolling() && seed.tried.path.friction_needed <= mu_c
+                    });
+                    if !rolls {
+                        let guess = Guess { edge: self.edge, u, s: place.s, mu_c, ..Guess::AT_REST };
+                        let tried = problem.try_onsets(guess).filter(|it| it.path.friction_needed < NEEDED_MAX);
+                        played.extend(tried.map(|tried| Seed { place: place.index, friction, tried }));
+                    }
+                }
+            }
+        }
+        played
+    }
+
+    fn into_best(self) -> Vec<Tried> {
+        let best: Vec<_> = self.seeds.iter().map(|seed| is_best_around(seed, &self.seeds)).collect();
+        self.seeds.into_iter().zip(best).filter(|(_, best)| *best).map(|(seed, _)| seed.tried).collect()
+    }
 }
 
 fn is_best_around(seed: &Seed, seeds: &[Seed]) -> bool {
     !seeds.iter().any(|other| {
-        other.place.abs_diff(seed.place) <= 1
+        other.is_beside(seed.place, seed.tried.guess.u)
             && other.friction == seed.friction
-            && (other.tried.guess.u - seed.tried.guess.u).abs() < FAMILY
             && other.tried.path.course == seed.tried.path.course
             && other.tried.cost < seed.tried.cost
     })
@@ -155,34 +259,6 @@ pub(super) fn places(problem: &Problem, side: &PartSide, cover: Cover) -> Vec<f6
     let count = (wanted.ceil() as usize).clamp(least, most);
     let share = |index: usize| (index as f64 + 0.5) / count as f64;
     (0..count).map(|index| from + length * share(index)).collect()
-}
-
-/// Guesses at one place: for each friction those that agree with the first direction of the force.
-fn at_place(problem: &Problem, edge: usize, s: f64, frictions: &[f64]) -> Vec<(usize, Tried)> {
-    let Some(angles) = Angles::new(problem, edge, s) else { return Vec::new() };
-    let mut found: Vec<(usize, Tried)> = Vec::new();
-    // The largest friction first: where it suffices to roll, smaller ones that suffice too change nothing.
-    let is_known = problem.course.mu_c.is_some();
-    for u in if is_known { Vec::new() } else { angles.solutions(f64::INFINITY) } {
-        let tried = problem.try_onsets(Guess { edge, u, s, mu_c: f64::INFINITY, ..Guess::AT_REST });
-        found.extend(
-            tried.filter(|tried| tried.path.friction_needed < 2.0 * MU_C_MAX).map(|tried| (frictions.len(), tried)),
-        );
-    }
-    let rolling = found.len();
-    for (index, &mu_c) in frictions.iter().enumerate() {
-        for u in angles.solutions(mu_c) {
-            let rolls = found[..rolling]
-                .iter()
-                .any(|(_, tried)| (tried.guess.u - u).abs() < 1e-6 && tried.path.friction_needed <= mu_c);
-            if !rolls {
-                found.extend(
-                    problem.try_onsets(Guess { edge, u, s, mu_c, ..Guess::AT_REST }).map(|tried| (index, tried)),
-                );
-            }
-        }
-    }
-    found
 }
 
 /// What rolling needs at the start for each contact angle: the angle of the force from the normal.
