@@ -34,7 +34,7 @@ const PROCESSOR_S: &[(&str, f64)] = &[
     ("magnitude", 63.0),
     ("drawn-pushes", 170.0),
     ("invariances", 280.0),
-    ("drawn-rest", 1500.0),
+    ("drawn-rest", 130.0),
     ("drawn-forces", 1600.0),
     ("model-error", 7500.0),
     ("chain", 2400.0),
