@@ -46,7 +46,7 @@ const FAMILY: f64 = 0.35;
 /// Nearer than this they are one, rad.
 const SAME_ANGLE: f64 = 1e-6;
 
-/// A contact that rolls with more friction than this leads nowhere.
+/// A contact that rolls with more friction than this, where it is not known, leads nowhere.
 const NEEDED_MAX: f64 = 2.0 * MU_C_MAX;
 
 /// How near the direction felt the force turns back where it is tried all the same, rad: from one place to the next it
@@ -205,7 +205,8 @@ impl<'f> Grid<'f> {
                     });
                     if !rolls {
                         let guess = Guess { edge: self.edge, u, s: place.s, mu_c, ..Guess::AT_REST };
-                        let tried = problem.try_onsets(guess).filter(|it| it.path.friction_needed < NEEDED_MAX);
+                        let can_be = |it: &Tried| mu_c.is_finite() || it.path.friction_needed < NEEDED_MAX;
+                        let tried = problem.try_onsets(guess).filter(can_be);
                         played.extend(tried.map(|tried| Seed { place: place.index, friction, tried }));
                     }
                 }
