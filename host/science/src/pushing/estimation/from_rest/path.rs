@@ -46,6 +46,10 @@ const STEP_STIFF_COARSE_S: f64 = 0.01;
 /// smooth in the guess.
 const CHANGE_SHARE: f64 = 5e-6;
 
+/// A contact that is lost over a longer step than this, s, is followed over half of it: where sliding ends within, what comes
+/// behind its end is not the part's way.
+const LOST_S: f64 = 1e-3;
+
 /// Changes between rolling and sliding after which a guess is given up.
 const CHANGES_MAX: usize = 100;
 
@@ -631,7 +635,10 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
         };
         let after = at(length);
         let there = model.settling(&self.contact, local + length, &after);
-        let Margin { left, needed } = self.margin(local + length, &after, &there.motion)?;
+        let Margin { left, needed } = match self.margin(local + length, &after, &there.motion) {
+            Err(Lost::Contact) if length > LOST_S => return self.step(0.5 * length, stiff),
+            margin => margin?,
+        };
         if left >= 0.0 {
             self.path.friction_needed = self.path.friction_needed.max(needed);
             (self.state, self.time, self.now) = (after, self.time + length, there);
