@@ -93,7 +93,7 @@ impl Cover {
     }
 
     /// Frictions, ascending.
-    fn frictions(self) -> Vec<f64> {
+    pub(super) fn frictions(self) -> Vec<f64> {
         match self {
             Self::Dense => FRICTIONS.to_vec(),
             Self::Sparse => FRICTIONS.into_iter().step_by(2).collect(),

@@ -7,7 +7,9 @@ use super::first_look::LOOK_SHARE;
 use super::fit::{Problem, Tried};
 use super::onset::{PushSense, RestNoise};
 use super::path::{Course, CourseStart, Guess, Resolution};
-use super::trial::{Drawn, RADIUS_M, Ranges, TrialOutcome, is_right_pose, pose_error, random_part, straight_motion};
+use super::trial::{
+    Drawn, RADIUS_M, Ranges, TrialOutcome, is_right_pose, pose_error, random_part, straight_motion, turning_motion,
+};
 use super::*;
 use crate::finger::contact::Reading;
 use crate::geometry::SimplePolygon;
@@ -153,6 +155,35 @@ fn coarse_steps_feel_nearly_the_same() {
         let [all, off] = squares.fold([0.0, 0.0], |sum, next| [sum[0] + next[0], sum[1] + next[1]]);
         assert!((off / all).sqrt() < LOOK_SHARE, "case {case}: off by {:e}", (off / all).sqrt());
         assert_eq!(fine_path.course, coarse_path.course, "case {case}");
+    }
+}
+
+/// A contact that stops sliding within a coarse step is not lost, though sliding on would lift the finger off or jam it.
+#[test]
+fn coarse_steps_lose_no_contact_that_fine_ones_keep() {
+    for case in 0..400 {
+        let (part, ranges, drawn, _) = drawn_from(Ranges { motion: turning_motion(3), ..Ranges::default() }, case);
+        let course = whole_course(&part, known(&part, &ranges).mu_g, &ranges.motion, RADIUS_M);
+        let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c, ..Guess::AT_REST };
+        assert!(course.play(&guess).is_ok(), "case {case}, fine");
+        assert!(course.coarse().play(&guess).is_ok(), "case {case}, coarse");
+    }
+}
+
+/// What is whitened from the first window on is so of the beginning too.
+#[test]
+fn the_beginning_of_what_was_felt_is_a_part_of_it() {
+    let (_, ranges, drawn, mut draw) = drawn(0);
+    let duration = ranges.motion.duration();
+    let whole = measured(&drawn, &mut draw, duration);
+    let forces = true_windows(&drawn.played, hann_windows::count(duration));
+    for windows in [1, 7, forces.len(), 2 * forces.len()] {
+        let beginning = whole.beginning(windows);
+        let values = 2 * windows.min(forces.len());
+        assert_eq!(beginning.data().len(), values);
+        assert_eq!(beginning.data(), &whole.data().rows(0, values));
+        let [short, long] = [&beginning, &whole].map(|felt| felt.whiten(forces.iter().copied()));
+        assert_eq!(short, long.rows(0, values));
     }
 }
 

@@ -52,10 +52,20 @@ pub struct Ranges {
 /// Never: the segments are constants.
 #[must_use]
 pub fn default_motion() -> FingerMotion {
-    let segments = [
-        Segment { seconds: 0.3, acceleration: Vector2::new(0.15, 0.0) },
-        Segment { seconds: 0.5, acceleration: Vector2::new(0.0, 0.15) },
-    ];
+    turning_motion(1)
+}
+
+/// So many turns after the straight beginning, three at the most, each to the other side than the one before; of half a second
+/// each.
+///
+/// # Panics
+/// Never: the segments are constants.
+#[must_use]
+pub fn turning_motion(turns: usize) -> FingerMotion {
+    let straight = Segment { seconds: 0.3, acceleration: Vector2::new(0.15, 0.0) };
+    let turn = |[x, y]: [f64; 2]| Segment { seconds: 0.5, acceleration: Vector2::new(x, y) };
+    let turns = [[0.0, 0.15], [0.15, -0.3], [0.0, 0.3]].map(turn).into_iter().take(turns);
+    let segments: Vec<_> = std::iter::once(straight).chain(turns).collect();
     FingerMotion::new(Point2::origin(), &segments).expect("constant segments are sound")
 }
 

@@ -330,6 +330,20 @@ impl WindowedForce {
         Self { onset_sd: 0.0, readings: None, ..self.clone() }
     }
 
+    /// The same of the first windows alone: exactly, since whitening goes from the first window on.
+    pub(super) fn beginning(&self, windows: usize) -> Self {
+        let span = windows.min(self.span());
+        let forces_finger = self.forces_finger[..span].to_vec();
+        let values = 2 * forces_finger.iter().flatten().count();
+        Self {
+            forces_finger,
+            data: self.data.rows(0, values).into_owned(),
+            whitener: self.whitener.view((0, 0), (values, values)).into_owned(),
+            beside: self.beside.iter().map(|beside| beside.rows(0, values).into_owned()).collect(),
+            ..self.clone()
+        }
+    }
+
     /// The same with a model that is off by a share of the force, slowly.
     pub(super) fn and_drift(&self, share: f64) -> Self {
         let mut drifting = self.clone();
