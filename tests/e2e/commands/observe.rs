@@ -13,7 +13,7 @@ use palpate::pushing::estimation::Shortlist;
 use palpate::pushing::pushed_world::{Played, PushedWorld};
 use palpate_files::part::PolygonFile;
 use palpate_tests::project;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::PALPATE;
 
@@ -529,6 +529,49 @@ fn the_part_that_was_pushed_is_named_from_a_library() {
     assert!(unfolded(&said).contains(&format!("Left out are {} of 5 parts", left_out.len())), "{said}");
     assert!(unfolded(&said).contains("A part that is not in the library may feel like one of it"), "{said}");
     assert!(answer["next_push"].is_null(), "{answer}");
+    // A second push is held to what the first left: to the one part, which it too is explained by.
+    let first = folder.path().join("first.json");
+    std::fs::write(&first, answer.to_string()).unwrap();
+    let earlier = ["--earlier", first.to_str().unwrap()];
+    let both = last_answer(&which(&library, &[&earlier[..], &["--json"]].concat()));
+    assert_eq!(both["parts"].as_array().unwrap().len(), 1, "{both}");
+    let none = |answer: &Value| answer["none_of_these"].as_f64().unwrap();
+    assert!(none(&both) < none(&answer), "{both}");
+    let said = text(&which(&library, &earlier).stdout);
+    assert_fits_a_terminal(&said);
+    assert!(unfolded(&said).contains("Left out are 4 of 5, which"), "{said}");
+    // Another part was pushed then: this push is none of what that one left.
+    let square = answer["left_out"][0]["part"].as_str().unwrap();
+    let of = |part: &str, mass: f64| {
+        let estimate = json!({ "hypotheses": [{ "probability": 1.0, "mass": mass, "mass_log_sd": 0.01 }] });
+        json!({ "parts": [{ "part": part, "probability": 1.0, "estimate": estimate }], "none_of_these": 0.1 })
+    };
+    let other = of(square, 0.5);
+    std::fs::write(&first, other.to_string()).unwrap();
+    let neither = last_answer(&which(&library, &[&earlier[..], &["--json"]].concat()));
+    assert!((none(&neither) - 1.0).abs() < 1e-9, "{neither}");
+    // The same part was, but of another mass.
+    let named = named["part"].as_str().unwrap();
+    let mass = answer["parts"][0]["estimate"]["hypotheses"][0]["mass"].as_f64().unwrap();
+    for (times, told) in [(1.01, 0.0..0.1), (1.5, 0.999..1.1)] {
+        std::fs::write(&first, of(named, times * mass).to_string()).unwrap();
+        let answer = last_answer(&which(&library, &[&earlier[..], &["--json"]].concat()));
+        assert!(told.contains(&none(&answer)), "{times}: {answer}");
+    }
+    let said = text(&which(&library, &earlier).stdout);
+    assert_fits_a_terminal(&said);
+    assert!(unfolded(&said).contains("explains this push alone, but not with the"), "{said}");
+    for (wrong, why) in [
+        (r#"{"parts": [], "none_of_these": 1.0}"#, "by it the part is none of these"),
+        (&of("else.toml", 0.5).to_string(), "it may be else.toml"),
+        (r#"{"parts": [], "none_of_these": 7}"#, "holds a probability"),
+        ("t,fx,fy", "--earlier takes what which-part --json said"),
+    ] {
+        std::fs::write(&first, wrong).unwrap();
+        let refused = which(&library, &earlier);
+        assert_eq!(refused.status.code(), Some(1));
+        assert!(unfolded(&text(&refused.stderr)).contains(why), "{why}: {}", text(&refused.stderr));
+    }
     // Of two names for one part nobody can tell which it is, however the finger goes on.
     std::fs::copy(example("part.toml"), library.join("twin.toml")).unwrap();
     let (answer, said) = (last_answer(&which(&library, &["--json"])), text(&which(&library, &[]).stdout));

@@ -1,15 +1,20 @@
 //! `palpate which-part`.
 
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use miette::WrapErr as _;
 use palpate::pushing::dynamics::Part;
 use palpate::pushing::estimation;
+use palpate::pushing::estimation::friction::Told;
 use palpate::pushing::estimation::from_rest::WindowedForce;
 use palpate::pushing::estimation::planning::{self, Prospect, Rival};
-use palpate::pushing::estimation::{Belief, Estimate, Hypothesis, Observer as _, PartEstimate, Shortlist, from_rest};
+use palpate::pushing::estimation::{
+    Belief, Estimate, Hypothesis, Observer as _, PartBelief, PartEstimate, PossiblePart, Shortlist, from_rest,
+};
 use palpate_files::part::PolygonFile;
+use serde::Deserialize;
 use serde_json::json;
 
 use super::lacking;
@@ -17,7 +22,7 @@ use super::library::part_files;
 use super::misfit;
 use super::plan_push;
 use super::pose;
-use super::read::{read_beside, tell_part};
+use super::read::{read, read_beside, tell_part};
 use super::watched_push::{MotionArgument, WatchedPush, WatchedPushArguments, Watching};
 use crate::progress::{self, Progress};
 use crate::recording::{self, Believed, Seen};
@@ -31,6 +36,11 @@ use crate::width::folded;
 /// only the parts are searched that come near at a first look; it is told how many are left out. How likely it is none of them
 /// takes into account that of hundreds one resembles whatever is pushed. Where several parts are possible it is told how the
 /// finger should go on, as `palpate plan-push` does: ask again with all that was felt by then.
+///
+/// Another push of the same part, at another edge, says what one cannot, as that it is none of a library: keep the first
+/// answer (`--json > FIRST.json`) and ask with `--earlier FIRST.json` about the second push. Only parts that the first left
+/// possible are searched then, and probabilities are of both; the part may have been moved in between, but has to weigh as much.
+/// The second answer serves as the earlier one of a third.
 ///
 /// Exit status: 0, also where no part explains the force; 1 if something cannot be used, 3 if samples of the push were no
 /// measurements (saturated, stuck, settling) or the device started anew, 64 wrong command line.
@@ -48,6 +58,10 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     motion: MotionArgument,
 
+    /// What this command said (`--json`) of another push of the same part
+    #[arg(long, value_name = "ANSWER.json")]
+    earlier: Option<PathBuf>,
+
     /// Print one JSON object: SI units, radians
     #[arg(long)]
     json: bool,
@@ -59,14 +73,14 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     arguments.push.begin_recording()?;
     let candidates = arguments.candidates()?;
+    let beforehand = beforehand(&candidates, arguments.earlier.as_deref())?;
     let push = arguments.push.watch(&arguments.motion.file, Watching::TO_ITS_END, &mut |push| push.until_over())?;
     let force = push.force()?;
     let tally = push.watch.tally();
-    let shortlist = arguments.shortlist(&candidates, &push, &force);
-    let known = shortlist.kept.iter().map(|&part| push.known(&candidates[part].file));
-    let mut ranked = estimation::which_part(known.map(|known| (known.part, known.estimate(&force))));
-    // By their places among all.
-    ranked.iter_mut().for_each(|ranked| ranked.part = shortlist.kept[ranked.part]);
+    let shortlist = arguments.shortlist(&candidates, &beforehand, &push, &force);
+    let known = shortlist.kept.iter().map(|&part| (part, push.known(&candidates[part].file)));
+    let (ranked, PartBelief { none, .. }) =
+        beforehand.after(known.map(|(part, known)| (part, known.part, known.estimate(&force))));
     ranked.iter().for_each(|ranked| {
         let (part, estimate) = (ranked.part, &ranked.estimate);
         let known = push.known(&candidates[part].file);
@@ -74,7 +88,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         recording::believed(Seen { part, ..seen }, estimate.hypotheses.iter().map(Believed::from));
     });
     if arguments.json {
-        let mut told = as_json(&candidates, &ranked);
+        let mut told = as_json(&candidates, &ranked, none);
         told["samples"] = lacking::as_json(&tally);
         let prospects = next_push(&candidates, &ranked, &push);
         told["next_push"] = prospects.first().filter(|_| separate(&prospects)).map(next_as_json).into();
@@ -86,6 +100,10 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         }
         say!("{told}");
         return Ok(lacking::status(&tally));
+    }
+    if let Some(earlier) = &arguments.earlier {
+        let (excluded, all) = (candidates.len() - beforehand.possible().count(), candidates.len());
+        say!("{}", folded(&format!("Left out are {excluded} of {all}, which {} excludes.", earlier.display())));
     }
     // Of hundreds those that are possible.
     let shown = ranked.iter().filter(|part| arguments.library.is_none() || part.probability > 0.0);
@@ -104,15 +122,27 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let Some(first) = ranked.first().filter(|first| first.probability > 0.0) else {
         say!("None of these parts explains what was felt.");
         if let Some(nearest) = nearest(&ranked) {
-            let candidate = &candidates[nearest];
-            say!("If it is {candidate}, which fits best:\n{}", misfit::explain(&push.known(&candidate.file), &force));
+            let (candidate, fit) = (&candidates[nearest.part], nearest.estimate.fit);
+            let mass =
+                beforehand.parts[nearest.part].mass.filter(|_| fit.cost.is_some_and(|cost| cost <= fit.cost_max));
+            match mass {
+                Some(mass) => say!(
+                    "{}",
+                    folded(&format!(
+                        "{candidate} explains this push alone, but not with the {:.1} g that it had by the earlier answer: was the \
+                         same part pushed both times, as heavy?",
+                        mass.value * 1e3
+                    ))
+                ),
+                None => {
+                    let why = misfit::explain(&push.known(&candidate.file), &force);
+                    say!("If it is {candidate}, which fits best:\n{why}");
+                }
+            }
         }
         return Ok(lacking::status(&tally));
     };
-    say!(
-        "{:6.3}  none of these; the others are probabilities if it is one of them",
-        estimation::none_of_these(&ranked, candidates.len())
-    );
+    say!("{none:6.3}  none of these; the others are probabilities if it is one of them");
     let candidate = &candidates[first.part];
     say_poses(&format!("If it is {candidate}"), candidate, &first.estimate);
     let possible = ranked.iter().filter(|part| part.probability > 0.0).count();
@@ -122,15 +152,15 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     if possible > 1 {
         let prospects = next_push(&candidates, &ranked, &push);
         say!("{}", folded(&next_in_words(&prospects)));
-    } else if arguments.library.is_some() {
+    } else if arguments.library.is_some() && arguments.earlier.is_none() {
         say!("\n{}", folded(ONE_OF_A_LIBRARY));
     }
     Ok(lacking::status(&tally))
 }
 
 /// What is to be known of the only part of a library that explains a push.
-const ONE_OF_A_LIBRARY: &str = "A part that is not in the library may feel like one of it while the finger turns to one side only. \
-    To be sure let it turn to the other side too, and ask again with all that was felt by then.";
+const ONE_OF_A_LIBRARY: &str = "A part that is not in the library may feel like one of it at the edge that was pushed. To be sure push it \
+    at another edge too, and ask about that push with --earlier and this answer (--json).";
 
 /// Explanations that are told apart by the next push, the likeliest: those beyond are hardly ever true.
 const RIVALS_MAX: usize = 12;
@@ -172,8 +202,8 @@ fn next_as_json(best: &Prospect) -> serde_json::Value {
 }
 
 /// The part with the least misfit.
-fn nearest(ranked: &[PartEstimate]) -> Option<usize> {
-    let costs = ranked.iter().filter_map(|part| Some((part.estimate.fit.cost?, part.part)));
+fn nearest(ranked: &[PartEstimate]) -> Option<&PartEstimate> {
+    let costs = ranked.iter().filter_map(|part| Some((part.estimate.fit.cost?, part)));
     costs.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, part)| part)
 }
 
@@ -182,6 +212,66 @@ fn say_poses(when: &str, candidate: &Candidate, estimate: &Estimate) {
     say!("\n{when}:\n{}", pose::headings());
     pose::lines(part, estimate).iter().for_each(|line| say!("{line}"));
     say!("{}\n{}", pose::legend(part), pose::in_words(part, estimate));
+}
+
+/// What `--json` said of another push, as far as it is needed.
+#[derive(Debug, Deserialize)]
+struct EarlierAnswer {
+    parts: Vec<EarlierPart>,
+    none_of_these: f64,
+}
+
+#[derive(Debug, Deserialize)]
+struct EarlierPart {
+    part: String,
+    support: Option<String>,
+    probability: f64,
+    estimate: EarlierEstimate,
+}
+
+#[derive(Debug, Deserialize)]
+struct EarlierEstimate {
+    hypotheses: Vec<EarlierHypothesis>,
+}
+
+#[derive(Debug, Deserialize)]
+struct EarlierHypothesis {
+    probability: f64,
+    /// kg.
+    mass: f64,
+    mass_log_sd: f64,
+}
+
+/// What is believed before the push: every part is as likely where nothing was said earlier.
+fn beforehand(candidates: &[Candidate], earlier: Option<&Path>) -> miette::Result<PartBelief> {
+    let Some(path) = earlier else { return Ok(PartBelief::beforehand(candidates.len())) };
+    let told = read(path, |text| serde_json::from_str::<EarlierAnswer>(text))
+        .wrap_err("--earlier takes what which-part --json said")?;
+    let cannot = |why: &str, help: &str| miette::miette!(help = help, "cannot use {}: {why}", path.display());
+    let mut all = told.parts.iter().map(|part| part.probability).chain([told.none_of_these]);
+    if !all.all(|probability| (0.0..=1.0).contains(&probability)) {
+        return Err(cannot("it holds a probability that is not from 0 to 1", "give an answer as it was printed"));
+    }
+    let mut parts = vec![PossiblePart::default(); candidates.len()];
+    for part in told.parts.iter().filter(|part| part.probability > 0.0) {
+        let is_it = |candidate: &Candidate| {
+            candidate.path.display().to_string() == part.part && candidate.support == part.support
+        };
+        let place = candidates.iter().position(is_it).ok_or_else(|| {
+            let help = "give the parts that were given then, by the same paths";
+            cannot(&format!("it may be {}, which is not among the parts", part.part), help)
+        })?;
+        let found = part.estimate.hypotheses.iter();
+        let mass = Told::mixed(found.map(|found| (found.probability, found.mass.ln(), found.mass_log_sd.powi(2))));
+        let mass = Some(mass).filter(|mass| mass.value.is_finite());
+        parts[place] = PossiblePart { probability: part.probability, mass };
+    }
+    let belief = PartBelief { parts, none: told.none_of_these };
+    if belief.possible().next().is_none() {
+        let help = "leave --earlier out to ask about this push alone";
+        return Err(cannot("by it the part is none of these already", help));
+    }
+    Ok(belief)
 }
 
 /// A part that it may be.
@@ -199,10 +289,17 @@ impl fmt::Display for Candidate {
 }
 
 impl Arguments {
-    /// The candidates that are searched: of a library those that come near, of parts named one by one all.
-    fn shortlist(&self, candidates: &[Candidate], push: &WatchedPush, force: &WindowedForce) -> Shortlist {
-        if self.library.is_none() {
-            return Shortlist { kept: (0..candidates.len()).collect(), left_out: Vec::new() };
+    /// The candidates that are searched: of a library those that come near, of parts named one by one, or that an earlier answer
+    /// leaves, all.
+    fn shortlist(
+        &self,
+        candidates: &[Candidate],
+        beforehand: &PartBelief,
+        push: &WatchedPush,
+        force: &WindowedForce,
+    ) -> Shortlist {
+        if self.library.is_none() || self.earlier.is_some() {
+            return Shortlist { kept: beforehand.possible().collect(), left_out: Vec::new() };
         }
         let _progress = Progress::begin("looking which parts come near");
         let looks: Vec<_> = candidates
@@ -252,7 +349,7 @@ fn mixed(candidates: &[Candidate], ranked: &[PartEstimate]) -> Option<Estimate> 
     possible.all(alike).then(|| estimation::mixed(ranked, from_rest::SAME_PLACE)).flatten()
 }
 
-fn as_json(candidates: &[Candidate], ranked: &[PartEstimate]) -> serde_json::Value {
+fn as_json(candidates: &[Candidate], ranked: &[PartEstimate], none: f64) -> serde_json::Value {
     let part = |part: &PartEstimate| {
         let candidate = &candidates[part.part];
         let mut told = json!({
@@ -267,7 +364,7 @@ fn as_json(candidates: &[Candidate], ranked: &[PartEstimate]) -> serde_json::Val
     };
     let mut answer = json!({
         "parts": ranked.iter().map(part).collect::<Vec<_>>(),
-        "none_of_these": estimation::none_of_these(ranked, candidates.len()),
+        "none_of_these": none,
     });
     if let Some(mixed) = mixed(candidates, ranked) {
         answer["whichever"] = pose::as_json(&mixed);

@@ -44,7 +44,7 @@ const PROCESSOR_S: &[(&str, f64)] = &[
     ("plan-chain", 820.0),
     ("parts", 600.0),
     ("parts-chain", 5800.0),
-    ("pushed-parts", 11_000.0),
+    ("pushed-parts", 9_500.0),
     ("7", 96.0),
     ("7-axes", 36.0),
     ("7-which", 91.0),

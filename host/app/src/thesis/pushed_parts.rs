@@ -1,18 +1,16 @@
 //! Which of many parts was pushed, or none of them, through the whole chain: is it named rightly, and in what time?
 //!
 //! What `palpate which-part --library` does with a push of a carried finger: a first look at every part, then a search with
-//! those that come near.
+//! those that come near; and with `--earlier` after a second push at another edge: a search with the parts that the first left.
 //!
 //! Units: as the columns' headings say. Errors: none; a chain that broke is a failure.
 
-use nalgebra::{Point2, Vector2};
 use palpate::math::random::Draw;
 use palpate::math::statistics::{median, percentile};
 use palpate::pushing::dynamics::Part;
-use palpate::pushing::estimation::from_rest::trial::{Drawn, Ranges, default_motion, random_part};
+use palpate::pushing::estimation::from_rest::trial::{Drawn, Ranges, random_part, turning_motion};
 use palpate::pushing::estimation::from_rest::{self, WindowedForce};
-use palpate::pushing::estimation::{Fit, Observer as _, PartEstimate, Shortlist, none_of_these, which_part};
-use palpate::pushing::finger_motion::{FingerMotion, Segment};
+use palpate::pushing::estimation::{Fit, Observer as _, PartBelief, Shortlist};
 use palpate_device::simulated::Line;
 
 use super::carried::{felt, ranges};
@@ -32,20 +30,25 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run: table,
 };
 
-/// A row, whether the part is in the library, and whether the finger turns back after its turn.
-const ROWS: [(&str, bool, bool); 4] = [
-    ("in the library", true, false),
-    ("not in it", false, false),
-    ("in it, turning back", true, true),
-    ("not in it, turning back", false, true),
-];
-
-/// The chain's motion with a turn back after it: half as long again.
-fn turning_back() -> FingerMotion {
-    let more = Segment { seconds: 0.5, acceleration: Vector2::new(0.15, -0.3) };
-    let segments = [default_motion().segments(), &[more]].concat();
-    FingerMotion::new(Point2::origin(), &segments).expect("constant segments are sound")
+/// What a row is about.
+struct Row {
+    name: &'static str,
+    /// Whether the part is in the library.
+    is_known: bool,
+    /// How often the finger turns in a push.
+    turns: usize,
+    /// Whether the part is pushed again at another edge.
+    twice: bool,
 }
+
+const ROWS: [Row; 6] = [
+    Row { name: "in the library", is_known: true, turns: 1, twice: false },
+    Row { name: "not in it", is_known: false, turns: 1, twice: false },
+    Row { name: "in it, turning back", is_known: true, turns: 2, twice: false },
+    Row { name: "not in it, turning back", is_known: false, turns: 2, twice: false },
+    Row { name: "in it, pushed twice so", is_known: true, turns: 2, twice: true },
+    Row { name: "not in it, pushed twice so", is_known: false, turns: 2, twice: true },
+];
 
 /// What came of a push.
 struct Trial {
@@ -58,11 +61,23 @@ struct Trial {
     searched: usize,
     /// What the true part costs at a first look, and may at the most.
     look: Option<Fit>,
-    /// Of the answer, on one thread.
+    /// Of the dearer answer, on one thread.
     seconds: f64,
 }
 
 impl Trial {
+    /// What is believed, against the truth: a part's place, or none.
+    fn judged(belief: &PartBelief, truth: Option<usize>) -> Self {
+        let shares = || belief.parts.iter().map(|part| (1.0 - belief.none) * part.probability).enumerate();
+        let other = shares().filter(|(part, _)| Some(*part) != truth).map(|(_, share)| share).fold(0.0, f64::max);
+        let (of_truth, other) = match truth {
+            Some(truth) => ((1.0 - belief.none) * belief.parts[truth].probability, other.max(belief.none)),
+            None => (belief.none, other),
+        };
+        let possible = belief.parts.iter().filter(|part| part.probability > DOUBT).count();
+        Self { truth: of_truth, other, possible, searched: 0, look: None, seconds: 0.0 }
+    }
+
     fn is_right(&self) -> bool {
         self.truth > self.other
     }
@@ -96,19 +111,20 @@ fn table(settings: &TableSettings) -> Table {
             "A library of {LIBRARY} parts, drawn as in the table `chain`, and a part that is one of them, or is drawn in the \
              same way and is none of them; pushed from rest with a turn, or with a turn and back, felt by a finger of its own with the datasheet's \
              noise and hum, calibrated and waved. Any edge of any part may have been touched, anywhere; mass and mu_c are \
-             found."
+             found. Pushed twice so: then it lies elsewhere, and is pushed in the same way at another edge."
         ),
         format!(
             "right: the part is the likeliest; of one that is not in the library: none of these is, since no part explains the \
              push. truth excluded: that answer is less probable than {DOUBT}. one possible: so many parts explain the push, \
              or none where it is not in the library: pushes that tell. searched: parts that came near at a first look \
-             (median). s an answer: first look and searches, on one thread."
+             (median; of two pushes by the first). s an answer: first look and searches, on one thread; of two answers the dearer."
         ),
     ]);
     let parts = library(settings.seed, LIBRARY);
-    for (name, is_known, turns_back) in ROWS {
-        let ranges = if turns_back { ranges(turning_back()) } else { ranges(default_motion()) };
-        let of = |case| trial(&ranges, settings.seed, case, &parts, is_known);
+    for of_row in ROWS {
+        let name = of_row.name;
+        let ranges = ranges(turning_motion(of_row.turns));
+        let of = |case| trial(&ranges, settings.seed, case, &parts, &of_row);
         let trials = of_each_in_order(settings.cases, settings.jobs(), of, |_| ());
         for (case, trial) in trials.iter().enumerate() {
             match trial {
@@ -117,7 +133,7 @@ fn table(settings: &TableSettings) -> Table {
                 Err(error) => table.failures.push(format!("{name}, case {case}: {error}")),
             }
         }
-        let told = usize::from(is_known);
+        let told = usize::from(of_row.is_known);
         table.push(row(name, trials.len(), told, &trials.into_iter().flatten().collect::<Vec<_>>()));
     }
     table
@@ -146,43 +162,54 @@ fn library(seed: u64, count: usize) -> Vec<Part> {
     (0..count).map(|number| random_part(&mut Draw::case(seed ^ LIBRARY_SEED, number))).collect()
 }
 
-/// A push of a part of the library, with its number, or of another one.
-fn pushed(ranges: &Ranges, parts: &[Part], is_known: bool, draw: &mut Draw) -> (Option<usize>, Drawn) {
+/// A part of the library, with its number, or another one; and how it is pushed at as many edges as are wanted.
+fn pushed(ranges: &Ranges, parts: &[Part], of_row: &Row, draw: &mut Draw) -> (Option<usize>, Vec<Drawn>) {
     loop {
         let number = draw.index(parts.len());
         let stranger = random_part(draw);
-        let (number, part) = if is_known { (Some(number), &parts[number]) } else { (None, &stranger) };
-        if let Some(drawn) = ranges.draw(draw, part) {
-            return (number, drawn);
+        let (number, part) = if of_row.is_known { (Some(number), &parts[number]) } else { (None, &stranger) };
+        let Some(first) = ranges.draw(draw, part) else { continue };
+        if !of_row.twice {
+            return (number, vec![first]);
+        }
+        let of_its_mass = Ranges { mass: first.mass..=first.mass, ..ranges.clone() };
+        let again = (0..EDGES_DRAWN).filter_map(|_| of_its_mass.draw(draw, part));
+        if let Some(second) = again.into_iter().find(|second| second.edge != first.edge) {
+            return (number, vec![first, second]);
         }
     }
 }
 
-fn trial(ranges: &Ranges, seed: u64, case: usize, parts: &[Part], is_known: bool) -> Result<Trial, String> {
-    let (truth, drawn) = pushed(ranges, parts, is_known, &mut Draw::case(seed, case));
-    let mut rig = Rig::start(finger_seed(seed, case), 1.0, Line::Pipe).map_err(|error| error.to_string())?;
-    let measured = felt(&mut rig, &drawn.played, &ranges.motion, ranges.motion.duration());
-    let measured = measured.map_err(|error| error.to_string())?.ok_or("the push was not felt")?;
-    Ok(named(ranges, &rig, parts, &measured, truth))
-}
+/// Pushes that are drawn to have one at another edge.
+const EDGES_DRAWN: usize = 20;
 
-fn named(ranges: &Ranges, rig: &Rig, parts: &[Part], measured: &WindowedForce, truth: Option<usize>) -> Trial {
-    let begun = ProcessorTime::now();
+fn trial(ranges: &Ranges, seed: u64, case: usize, parts: &[Part], of_row: &Row) -> Result<Trial, String> {
+    let (truth, drawn) = pushed(ranges, parts, of_row, &mut Draw::case(seed, case));
+    let mut rig = Rig::start(finger_seed(seed, case), 1.0, Line::Pipe).map_err(|error| error.to_string())?;
+    let mut of_push = |drawn: &Drawn| {
+        let measured = felt(&mut rig, &drawn.played, &ranges.motion, ranges.motion.duration());
+        measured.map_err(|error| error.to_string())?.ok_or("a push was not felt".to_owned())
+    };
+    let felt = drawn.iter().map(&mut of_push).collect::<Result<Vec<_>, _>>()?;
     let known = |part: usize| known_of(ranges, &parts[part], rig.finger());
-    let looks: Vec<_> = (0..parts.len()).map(|part| from_rest::first_look(&known(part), measured)).collect();
+    let [first, others @ ..] = &felt[..] else { return Err("nothing was pushed".to_owned()) };
+    let mut begun = ProcessorTime::now();
+    let looks: Vec<_> = (0..parts.len()).map(|part| from_rest::first_look(&known(part), first)).collect();
+    let after = |belief: &PartBelief, searched: Vec<usize>, measured: &WindowedForce| {
+        let searched = searched.into_iter().map(|place| (place, known(place)));
+        belief.after(searched.map(|(place, known)| (place, known.part, known.estimate(measured)))).1
+    };
     let Shortlist { kept, .. } = Shortlist::new(&looks);
-    let searched = kept.iter().map(|&part| known(part));
-    let ranked = which_part(searched.map(|known| (known.part, known.estimate(measured))));
-    let none = none_of_these(&ranked, parts.len());
-    let seconds = begun.seconds();
-    let of = |part: &PartEstimate| (kept[part.part], (1.0 - none) * part.probability);
-    let shares: Vec<_> = ranked.iter().map(of).collect();
-    let is_true = |(part, _): &&(usize, f64)| Some(*part) == truth;
-    let of_truth: f64 = shares.iter().filter(is_true).map(|(_, share)| share).sum();
-    let other = shares.iter().filter(|share| !is_true(share)).map(|(_, share)| *share).fold(0.0, f64::max);
-    let possible = ranked.iter().filter(|part| part.probability > DOUBT).count();
-    let (of_truth, other) = if truth.is_some() { (of_truth, other.max(none)) } else { (none, other) };
-    Trial { truth: of_truth, other, possible, searched: kept.len(), look: truth.map(|truth| looks[truth]), seconds }
+    let searched = kept.len();
+    let mut belief = after(&PartBelief::beforehand(parts.len()), kept, first);
+    let mut seconds = begun.seconds();
+    for measured in others {
+        begun = ProcessorTime::now();
+        belief = after(&belief, belief.possible().collect(), measured);
+        seconds = seconds.max(begun.seconds());
+    }
+    let look = truth.map(|truth| looks[truth]);
+    Ok(Trial { searched, look, seconds, ..Trial::judged(&belief, truth) })
 }
 
 #[cfg(test)]
@@ -192,10 +219,9 @@ mod tests {
     #[test]
     fn a_pushed_part_of_a_library_is_named_and_a_stranger_is_none_of_it() {
         let parts = library(1, 8);
-        let ranges = ranges(default_motion());
-        for is_known in [true, false] {
-            let trial = trial(&ranges, 1, 0, &parts, is_known).unwrap();
-            assert!(trial.is_right(), "{is_known}: {}", trial.in_words());
+        for of_row in ROWS {
+            let trial = trial(&ranges(turning_motion(of_row.turns)), 1, 0, &parts, &of_row).unwrap();
+            assert!(trial.is_right(), "{}: {}", of_row.name, trial.in_words());
         }
     }
 }

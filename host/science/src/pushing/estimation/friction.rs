@@ -27,6 +27,19 @@ pub struct Told {
 }
 
 impl Told {
+    /// What several explanations tell together: each with its weight, the logarithm of its value, and the variance of that. No
+    /// number where no weight is above 0.
+    #[must_use]
+    pub fn mixed(explanations: impl Iterator<Item = (f64, f64, f64)> + Clone) -> Self {
+        let sum = |of: &dyn Fn(f64, f64) -> f64| -> f64 {
+            explanations.clone().map(|(weight, mean, variance)| weight * of(mean, variance)).sum()
+        };
+        let total = sum(&|_, _| 1.0);
+        let mean = sum(&|mean, _| mean) / total;
+        let variance = sum(&|own, variance| variance + (own - mean).powi(2)) / total;
+        Self { value: mean.exp(), log_sd: variance.max(0.0).sqrt() }
+    }
+
     /// Where it is with a probability of 95 %.
     #[must_use]
     pub fn interval(&self) -> [f64; 2] {
@@ -94,14 +107,6 @@ impl<'e> Explained<'e> {
     }
 }
 
-/// A logarithm told by several with their weights.
-fn mixed(of: impl Iterator<Item = (f64, f64, f64)> + Clone) -> Told {
-    let total: f64 = of.clone().map(|(weight, ..)| weight).sum();
-    let mean = of.clone().map(|(weight, mean, _)| weight * mean).sum::<f64>() / total;
-    let variance = of.map(|(weight, own, variance)| weight * (variance + (own - mean).powi(2))).sum::<f64>() / total;
-    Told { value: mean.exp(), log_sd: variance.max(0.0).sqrt() }
-}
-
 /// What a push tells of friction, with a mass of the part that was weighed where it was; none where nothing explains the push
 /// and that mass.
 #[must_use]
@@ -117,7 +122,7 @@ pub fn friction_told(estimate: &Estimate, weighed: Option<Told>) -> Option<Frict
     }
     let along = |axis: Vector2<f64>| {
         let told = |it: &Explained| (it.weight, axis.dot(&it.mean), (it.covariance * axis).dot(&axis));
-        mixed(explained.iter().map(told))
+        Told::mixed(explained.iter().map(told))
     };
     let slipped = explained.iter().filter_map(|it| {
         let force = it.of.from_force?;
@@ -131,7 +136,7 @@ pub fn friction_told(estimate: &Estimate, weighed: Option<Told>) -> Option<Frict
         mass: along(Vector2::y()),
         resistance: along(Vector2::repeat(1.0)),
         mu_c: if has_slipped >= SLIPPED {
-            ContactFrictionTold::Slipped(mixed(slipped))
+            ContactFrictionTold::Slipped(Told::mixed(slipped))
         } else {
             ContactFrictionTold::AtLeast(needed.fold(f64::INFINITY, f64::min))
         },

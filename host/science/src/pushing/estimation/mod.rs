@@ -44,4 +44,4 @@ pub use initial_pose::{
 pub use observation::{Channel, Known, Measured, Observation, Prior, Touch};
 pub use sequence::{Agreement, PoseBelief, Slack, in_sequence};
 pub use thesis_gho::{Gho, GhoBank, GhoFollower, GhoKnown, GhoRun, GhoSettings, GhoStart, GhoTold};
-pub use which_part::{PartEstimate, Shortlist, mixed, none_of_these, which_part};
+pub use which_part::{PartBelief, PartEstimate, PossiblePart, Shortlist, mixed, which_part};

@@ -16,6 +16,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::Matrix2;
 
+use super::friction::Told;
 use super::hypotheses::{Estimate, Fit, GATE, Hypothesis, Nearness, joined};
 use crate::pushing::dynamics::Part;
 
@@ -42,6 +43,92 @@ pub fn which_part<'p>(estimates: impl IntoIterator<Item = (&'p Part, Estimate)>)
         numbered.map(|(part, (estimate, probability))| PartEstimate { part, probability, estimate }).collect();
     ranked.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     ranked
+}
+
+/// What is believed of several parts, before a push or after it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PartBelief {
+    /// Of each, by its place.
+    pub parts: Vec<PossiblePart>,
+    /// That it is none of them.
+    pub none: f64,
+}
+
+/// What is believed of a part.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PossiblePart {
+    /// That it is this one, if it is one of them; 0 for one that is excluded.
+    pub probability: f64,
+    /// What it weighs then, kg, where an earlier push told.
+    pub mass: Option<Told>,
+}
+
+/// What the masses that two pushes of one part tell differ by beside what each states: friction of a plane wanders by some
+/// hundredths from place to place.
+const SAME_MASS_LOG_SD: f64 = 0.02;
+
+impl PartBelief {
+    /// Before anything was felt: each of so many parts is as likely.
+    #[must_use]
+    pub fn beforehand(parts: usize) -> Self {
+        let part = PossiblePart { probability: 1.0 / parts.max(1) as f64, mass: None };
+        Self { parts: vec![part; parts], none: UNKNOWN_BEFOREHAND }
+    }
+
+    /// Places of the parts that are not excluded.
+    pub fn possible(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.parts.len()).filter(|&part| self.parts[part].probability > 0.0)
+    }
+
+    /// After a push, from what the same observer says with each part that is worth a search: its place among all, and the
+    /// estimate. The others are excluded. The parts in order of likelihood, and what is believed then.
+    ///
+    /// Two pushes of one part have its mass in common; contact, noise and friction are each push's own. An explanation with
+    /// another mass than before is left out.
+    #[must_use]
+    pub fn after<'p>(
+        &self,
+        estimates: impl IntoIterator<Item = (usize, &'p Part, Estimate)>,
+    ) -> (Vec<PartEstimate>, Self) {
+        let (places, estimates): (Vec<_>, Vec<_>) =
+            estimates.into_iter().map(|(place, part, estimate)| (place, (part, estimate))).unzip();
+        let mut ranked = which_part(estimates);
+        for part in &mut ranked {
+            part.part = places[part.part];
+            let before = self.parts[part.part];
+            let likelihood = before.mass.map_or(1.0, |mass| of_mass(&mut part.estimate, mass));
+            part.probability *= before.probability * likelihood;
+        }
+        let sum: f64 = ranked.iter().map(|part| part.probability).sum();
+        ranked.iter_mut().filter(|_| sum > 0.0).for_each(|part| part.probability /= sum);
+        ranked.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        let mut parts = vec![PossiblePart::default(); self.parts.len()];
+        for PartEstimate { part, probability, estimate } in &ranked {
+            let masses = estimate.hypotheses.iter().filter_map(|found| {
+                let force = found.from_force?;
+                Some((found.probability, force.mass.ln(), force.mass_log_sd.powi(2)))
+            });
+            let mass = Some(Told::mixed(masses)).filter(|mass| mass.value.is_finite());
+            parts[*part] = PossiblePart { probability: *probability, mass };
+        }
+        let none = none_of_these(&ranked, self.possible().count(), self.none);
+        (ranked, Self { parts, none })
+    }
+}
+
+/// Keeps of an estimate what has a mass that an earlier push told, weighed by how well it agrees; how well all of it does.
+fn of_mass(estimate: &mut Estimate, mass: Told) -> f64 {
+    estimate.hypotheses.retain_mut(|found| {
+        let Some(force) = found.from_force else { return true };
+        let sd = mass.log_sd.hypot(force.mass_log_sd).hypot(SAME_MASS_LOG_SD);
+        let off = (force.mass / mass.value).ln() / sd;
+        found.probability *= (-0.5 * off * off).exp() / sd;
+        off * off <= GATE
+    });
+    let likelihood: f64 = estimate.hypotheses.iter().map(|found| found.probability).sum();
+    estimate.hypotheses.iter_mut().filter(|_| likelihood > 0.0).for_each(|found| found.probability /= likelihood);
+    estimate.hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    likelihood
 }
 
 /// Which of many parts are worth a search, by how far each is from explaining the push at a first look
@@ -72,7 +159,7 @@ impl Shortlist {
         let cost = |look: &Fit| look.cost.unwrap_or(f64::INFINITY);
         let misfit = |look: &Fit| cost(look) / look.cost_max;
         let mut ranked: Vec<_> = (0..looks.len()).collect();
-        ranked.sort_by(|&a, &b| cost(&looks[a]).total_cmp(&cost(&looks[b])));
+        ranked.sort_by(|&a, &b| misfit(&looks[a]).total_cmp(&misfit(&looks[b])));
         let most = ranked.first().map_or(0.0, |&best| cost(&looks[best]) + Self::BEHIND_MAX);
         let is_near = |&&part: &&usize| misfit(&looks[part]) <= Self::MISFIT_MAX && cost(&looks[part]) <= most;
         let near = ranked.iter().filter(is_near).count();
@@ -81,7 +168,7 @@ impl Shortlist {
     }
 }
 
-/// Probability beforehand that a part is none of those that are known: a new variant, a worn one, another batch.
+/// Probability that a part is none of those that are known, before anything is felt: a new variant, a worn one, another batch.
 const UNKNOWN_BEFOREHAND: f64 = 0.1;
 
 /// By how much a part that resembles an unknown one may misfit, as a factor of the noise: anything up to this.
@@ -90,14 +177,15 @@ const MISFIT_MAX: f64 = 100.0;
 /// Steps of the sum over that factor, each as likely.
 const MISFIT_STEPS: usize = 400;
 
-/// Probability that it was none of these parts, of which so many are known, however well the likeliest does among them.
+/// Probability that it was none of these parts, of which so many are known, however well the likeliest does among them; with what
+/// it was beforehand: [`UNKNOWN_BEFOREHAND`], or what was said after an earlier push.
 ///
 /// Of an unknown part nothing is predicted but that one which resembles it leaves residuals larger than the noise, by a
 /// factor of which every order of magnitude is as likely. So a misfit that chance hardly gives speaks for it, though no
 /// gate may exclude it. Of many known parts one resembles it closely: the smallest of so many factors counts, and of
 /// hundreds the best explains an unknown part nearly as well as its own. 1 where no part explains the push.
 #[must_use]
-pub fn none_of_these(ranked: &[PartEstimate], known: usize) -> f64 {
+fn none_of_these(ranked: &[PartEstimate], known: usize, beforehand: f64) -> f64 {
     let possible = ranked.iter().filter(|part| part.probability > 0.0).map(|part| &part.estimate.fit);
     let best = possible.filter_map(|fit| Some((fit.cost?, fit.degrees_of_freedom))).min_by(|a, b| a.0.total_cmp(&b.0));
     let Some((cost, values)) = best else { return 1.0 };
@@ -110,7 +198,7 @@ pub fn none_of_these(ranked: &[PartEstimate], known: usize) -> f64 {
         (0.5 * cost * (1.0 - (-2.0 * log).exp()) - values as f64 * log).exp()
     };
     let ratio = (0..MISFIT_STEPS).map(ratio).sum::<f64>() / MISFIT_STEPS as f64;
-    let (unknown, known) = (UNKNOWN_BEFOREHAND * ratio, 1.0 - UNKNOWN_BEFOREHAND);
+    let (unknown, known) = (beforehand * ratio, 1.0 - beforehand);
     if unknown.is_finite() { unknown / (unknown + known) } else { 1.0 }
 }
 
@@ -191,6 +279,7 @@ mod tests {
     use super::*;
     use crate::geometry::SimplePolygon;
     use crate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, Mass, Push, PushModel, Start, State};
+    use crate::pushing::estimation::hypotheses::FromForce;
     use crate::pushing::estimation::{Channel, Known, Measured, Observation, Observer as _, Prior, SAME_END_M, Touch};
 
     const MU_G: f64 = 0.3 * 9.81;
@@ -236,14 +325,15 @@ mod tests {
     #[test]
     fn the_best_of_several_parts_may_be_none_of_them() {
         let values = 58;
-        let none = [0.8, 1.0, 1.3, 1.64, 2.0].map(|share| none_of_these(&[fitting(share * 58.0, values)], 1));
+        let none = [0.8, 1.0, 1.3, 1.64, 2.0]
+            .map(|share| none_of_these(&[fitting(share * 58.0, values)], 1, UNKNOWN_BEFOREHAND));
         assert!(none[0] < 0.01 && none[1] < 0.02, "{none:?}");
         assert!(none.windows(2).all(|pair| pair[0] < pair[1]), "{none:?}");
         // The limit of chance (1.64 at 58 values) is no limit of belief; beyond it nothing else is left.
         assert!(none[3] > 0.2 && none[4] > 0.9, "{none:?}");
-        assert!((none_of_these(&[], 1) - 1.0).abs() < f64::EPSILON);
+        assert!((none_of_these(&[], 1, UNKNOWN_BEFOREHAND) - 1.0).abs() < f64::EPSILON);
         // However many are known, one that fits makes none of them no likelier than it was beforehand; of hundreds nearly as likely.
-        let of = |known: usize| none_of_these(&[fitting(0.9 * 58.0, values)], known);
+        let of = |known: usize| none_of_these(&[fitting(0.9 * 58.0, values)], known, UNKNOWN_BEFOREHAND);
         let among = [1, 10, 100, 10_000].map(of);
         assert!(among.is_sorted() && among[0] < 0.01 && among[3] < UNKNOWN_BEFOREHAND, "{among:?}");
         assert!(among[3] > 0.9 * UNKNOWN_BEFOREHAND, "{among:?}");
@@ -356,6 +446,69 @@ mod tests {
             prop_assert!(kept.len() <= Shortlist::KEPT_MIN || kept.iter().all(|&part| is_near(part)));
             prop_assert!(kept.len() >= costs.len().min(Shortlist::KEPT_MIN));
         }
+    }
+
+    #[test]
+    fn what_an_earlier_push_said_counts_as_much() {
+        let (long, short) = (rectangle(0.08, 0.04), rectangle(0.06, 0.04));
+        let parts = [&short, &short, &long];
+        let measured = push(&short);
+        let felt = |places: [usize; 2], belief: &PartBelief| {
+            belief.after(places.map(|place| (place, parts[place], known(parts[place]).estimate(&measured))))
+        };
+        // The first and the second are alike; the push excludes the third.
+        let part = |probability: f64| PossiblePart { probability, mass: None };
+        let before = PartBelief { parts: [0.2, 0.3, 0.5].map(part).to_vec(), none: 0.5 };
+        let told = |belief: &PartBelief| belief.parts.iter().map(|part| part.probability).collect::<Vec<_>>();
+        let (ranked, after) = felt([2, 1], &before);
+        assert_eq!(told(&after), [0.0, 1.0, 0.0]);
+        assert_eq!(ranked.iter().map(|part| part.part).collect::<Vec<_>>(), [1, 2]);
+        let (ranked, after) = felt([0, 1], &before);
+        assert!((told(&after)[0] - 0.4).abs() < 1e-9 && (told(&after)[1] - 0.6).abs() < 1e-9, "{after:?}");
+        assert_eq!(ranked[0].part, 1);
+        assert!(after.none < before.none, "{after:?}");
+        assert_eq!(after.possible().collect::<Vec<_>>(), [0, 1]);
+        // What nothing explains is none of them, however likely they were.
+        let (_, none) = felt([2, 2], &before);
+        assert!(none.possible().next().is_none() && (none.none - 1.0).abs() < 1e-12, "{none:?}");
+        // None of them was as likely as not: what fits well makes it less so, what does not more.
+        let none = [30.0, 110.0].map(|cost| none_of_these(&[fitting(cost, 58)], 1, 0.5));
+        assert!(none[0] < 0.5 && none[1] > 0.5, "{none:?}");
+    }
+
+    #[test]
+    fn two_pushes_of_one_part_have_its_mass_in_common() {
+        // Two explanations, of 0.5 kg within 1 % and of 0.6 kg, as likely as each other.
+        let part = rectangle(0.06, 0.04);
+        let estimate = known(&part).estimate(&push(&part));
+        let with = |mass: f64| Hypothesis {
+            from_force: Some(FromForce {
+                mass,
+                mass_log_sd: 0.01,
+                resistance_log_sd: 0.01,
+                mu_c: None,
+                mu_c_sd: None,
+                friction_needed: 0.1,
+            }),
+            probability: 0.5,
+            ..estimate.hypotheses[0].clone()
+        };
+        let felt = Estimate { hypotheses: vec![with(0.6), with(0.5)], ..estimate.clone() };
+        let after = |belief: &PartBelief| belief.after([(0, &part, felt.clone()), (1, &part, felt.clone())]);
+        let (_, first) = after(&PartBelief::beforehand(2));
+        let mass = first.parts[0].mass.unwrap();
+        // Moments of the two, by the law of total variance.
+        let half = 0.5 * 1.2_f64.ln();
+        let off = (mass.value.ln() - 0.3_f64.ln() * 0.5).abs().max((mass.log_sd - half.hypot(0.01)).abs());
+        assert!(off < 1e-9, "{mass:?}");
+        assert!(first.parts.iter().all(|part| (part.probability - 0.5).abs() < 1e-9), "{first:?}");
+        // Of one that weighed 0.51 kg before the heavier explanation is left out; one that weighed 0.8 kg is excluded.
+        let weighed = |kg: f64| PossiblePart { probability: 0.5, mass: Some(Told { value: kg, log_sd: 0.01 }) };
+        let (ranked, second) = after(&PartBelief { parts: vec![weighed(0.8), weighed(0.51)], none: 0.1 });
+        assert_eq!(second.possible().collect::<Vec<_>>(), [1]);
+        let masses = ranked[0].estimate.hypotheses.iter().map(|found| found.from_force.unwrap().mass);
+        assert_eq!(masses.collect::<Vec<_>>(), [0.5]);
+        assert!(ranked[1].estimate.hypotheses.is_empty(), "{ranked:?}");
     }
 
     #[test]
