@@ -202,14 +202,24 @@ pub(super) fn isolate(g: &impl Fn(f64) -> (f64, f64), [from, to]: [f64; 2], sear
     if value.abs() > reach + search.miss_max {
         return;
     }
-    if half < WIDTH_MIN {
-        roots.push(middle);
+    let found = if half < WIDTH_MIN {
+        Some(middle)
     } else if slope.abs() > search.bend * half {
-        roots.extend(monotone_root(g, [from, to], search));
+        monotone_root(g, [from, to], search)
     } else {
         isolate(g, [from, middle], search, roots);
         isolate(g, [middle, to], search, roots);
-    }
+        return;
+    };
+    roots.extend(found.filter(|&found| !is_between_roots(g, found)));
+}
+
+/// Whether |g| falls to both sides of a place that is within reach of zero: the roots are there, and each is found by itself. Where
+/// it rises the curve passes by nearly, at a tangency.
+fn is_between_roots(g: &impl Fn(f64) -> (f64, f64), at: f64) -> bool {
+    let value = g(at).0;
+    let falls = |beside: f64| beside * value > 0.0 && beside.abs() < value.abs();
+    [-SAME_TURN, SAME_TURN].into_iter().all(|aside| falls(g(at + aside).0))
 }
 
 /// The root of a function that only rises or only falls, by bisection; an end that is within the miss if there is none.
