@@ -142,8 +142,8 @@ pub struct Shortlist {
 }
 
 impl Shortlist {
-    /// Misfit of a part that is left out at least. A part that explains the push is below 1 after a first look (of 2,400 drawn pushes
-    /// in all but 8): this leaves room for a fit that came to a minimum next to it.
+    /// Misfit of a part that is left out at least. A part that explains the push is below 1 after a first look (of 1,200 drawn pushes
+    /// in all but 2): this leaves room for a fit that came to a minimum next to it.
     pub const MISFIT_MAX: f64 = 2.0;
 
     /// What costs so much more than the best is left out too: its evidence is a millionth of the best's, and if its minimum is
