@@ -36,7 +36,7 @@ struct Stage {
 /// many guesses lose six of a hundred true parts. Of a longer push the last stage is repeated, each time with half as much again.
 ///
 /// Of 1,200 drawn pushes of 0.8, 1.3 and 1.8 s with 4 mN of noise at 2 kHz two true parts are lost, of 600 with 0.5 mN four. None
-/// that is found costs more than 7, 4, 7 and 4 times the most after the stages; of other parts two of three do after the last.
+/// that is found costs more than 7, 4, 7 and 4 times the most after the stages.
 const STAGES: [Stage; 4] = [
     Stage { windows: 30, followed: 25, steps: 2, far: 20.0 },
     Stage { windows: 30, followed: 10, steps: 3, far: 8.0 },
