@@ -262,9 +262,8 @@ fn beforehand(candidates: &[Candidate], earlier: Option<&Path>) -> miette::Resul
             cannot(&format!("it may be {}, which is not among the parts", part.part), help)
         })?;
         let found = part.estimate.hypotheses.iter();
-        let mass = Told::mixed(found.map(|found| (found.probability, found.mass.ln(), found.mass_log_sd.powi(2))));
-        let mass = Some(mass).filter(|mass| mass.value.is_finite());
-        parts[place] = PossiblePart { probability: part.probability, mass };
+        let masses = found.map(|found| (found.probability, Told { value: found.mass, log_sd: found.mass_log_sd }));
+        parts[place] = PossiblePart::new(part.probability, masses);
     }
     let belief = PartBelief { parts, none: told.none_of_these };
     if belief.possible().next().is_none() {

@@ -63,6 +63,15 @@ pub struct PossiblePart {
     pub mass: Option<Told>,
 }
 
+impl PossiblePart {
+    /// From explanations of a push with this part: the probability of each and its mass, kg.
+    #[must_use]
+    pub fn new(probability: f64, masses: impl Iterator<Item = (f64, Told)> + Clone) -> Self {
+        let mass = Told::mixed(masses.map(|(share, mass)| (share, mass.value.ln(), mass.log_sd.powi(2))));
+        Self { probability, mass: Some(mass).filter(|mass| mass.value.is_finite()) }
+    }
+}
+
 /// What the masses that two pushes of one part tell differ by beside what each states: friction of a plane wanders by some
 /// hundredths from place to place.
 const SAME_MASS_LOG_SD: f64 = 0.02;
@@ -106,10 +115,9 @@ impl PartBelief {
         for PartEstimate { part, probability, estimate } in &ranked {
             let masses = estimate.hypotheses.iter().filter_map(|found| {
                 let force = found.from_force?;
-                Some((found.probability, force.mass.ln(), force.mass_log_sd.powi(2)))
+                Some((found.probability, Told { value: force.mass, log_sd: force.mass_log_sd }))
             });
-            let mass = Some(Told::mixed(masses)).filter(|mass| mass.value.is_finite());
-            parts[*part] = PossiblePart { probability: *probability, mass };
+            parts[*part] = PossiblePart::new(*probability, masses);
         }
         let none = none_of_these(&ranked, self.possible().count(), self.none);
         (ranked, Self { parts, none })
