@@ -30,6 +30,11 @@ pub(super) trait Felt: Debug {
     /// Standard deviation of the onset where it is to be found with the rest, s.
     fn onset_sd(&self) -> Option<f64>;
 
+    /// The same of the time up to a moment alone, s, where it can be had.
+    fn beginning(&self, _until: f64) -> Option<Box<dyn Felt>> {
+        None
+    }
+
     /// What the finger's own mass has had read of a motion, in the data's standard deviations; none where it has none, or
     /// the data do not know of it.
     fn carried(&self, _legs: &[Leg]) -> Option<DVector<f64>> {

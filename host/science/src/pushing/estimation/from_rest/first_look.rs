@@ -7,12 +7,12 @@
 //! Units: costs in squared standard deviations. Errors: none; a part that no guess can be played with has no cost.
 
 use super::felt::Felt as _;
-use super::fit::{MU_C_MAX, Problem, Tried};
+use super::fit::{Problem, Tried};
 use super::hann_windows;
-use super::path::{Course, Guess};
+use super::path::Course;
 use super::seeds::Cover;
 use super::windowed_force::WindowedForce;
-use super::{KnownFromRest, SLIPPING, apart, course, least_cost, misfit_limit, starts, symmetry};
+use super::{KnownFromRest, apart, course, guesses, least_cost, misfit_limit, symmetry};
 use crate::pushing::estimation::hypotheses::Fit;
 use crate::search::{Halt, never};
 
@@ -44,9 +44,6 @@ const STAGES: [Stage; 4] = [
     Stage { windows: 67, followed: 6, steps: 4, far: FAR },
 ];
 
-/// What rolled so far may slip further on, with a friction down to this share of what rolling took so far: the guess is rough.
-const SLIPS_LATER: f64 = 0.85;
-
 /// The same of fits that count all noise.
 const FAR: f64 = 5.0;
 
@@ -67,14 +64,10 @@ pub fn first_look(known: &KnownFromRest, measured: &WindowedForce) -> Fit {
     let coarse = fine.coarse();
     let mut tried: Vec<Tried> = Vec::new();
     for Stage { windows, followed, steps, far } in stages(measured.span()) {
-        let beginning = looked_at.beginning(windows);
+        let beginning = looked_at.beginning_of(windows);
         let course = Course { duration: hann_windows::end(beginning.span() - 1), ..coarse.clone() };
         let problem = Problem { course: &course, measured: &beginning, mass: None };
-        tried = if tried.is_empty() {
-            starts(&problem, &edges, Cover::Sparse, &Halt::new(&never))
-        } else {
-            tried.iter().flat_map(|tried| gone_on(&problem, tried)).collect()
-        };
+        tried = guesses(&problem, &tried, &edges, Cover::Sparse, &Halt::new(&never));
         tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         tried.truncate(followed);
         tried = apart(&problem, tried.into_iter().map(|tried| problem.descend(tried, steps)).collect());
@@ -105,21 +98,6 @@ fn stages(windows: usize) -> impl Iterator<Item = Stage> {
     // Until one has seen all.
     let longer = longer.skip(1).take_while(move |stage| stage.windows * 2 / 3 < windows);
     STAGES.into_iter().chain(longer)
-}
-
-/// A guess that was followed over some of the push, over more of it; and, where it rolled so far, the same with frictions at
-/// which it slips later.
-fn gone_on(problem: &Problem, tried: &Tried) -> Vec<Tried> {
-    let whole = problem.try_guess(tried.guess);
-    let mut all: Vec<_> = whole.into_iter().collect();
-    if !tried.path.slipped {
-        let needed = all.first().map_or(MU_C_MAX, |rolling| rolling.path.friction_needed);
-        let least = SLIPS_LATER * tried.path.friction_needed;
-        let frictions = Cover::Dense.frictions().into_iter().chain(SLIPPING.map(|share| share * needed));
-        let later = frictions.filter(|mu_c| (least..needed).contains(mu_c));
-        all.extend(later.filter_map(|mu_c| problem.try_guess(Guess { mu_c, ..tried.guess })));
-    }
-    all
 }
 
 /// How well the best fits.

@@ -55,9 +55,9 @@ use nalgebra::Translation2;
 
 use end::{EndCovariance, Reach};
 pub use explained::ExplainedForce;
-use felt::Felt as _;
+use felt::Felt;
 pub use first_look::first_look;
-use fit::{MU_C_MIN, Problem, Tried};
+use fit::{MU_C_MAX, MU_C_MIN, Problem, Tried};
 use friction_along::FrictionAlong;
 use model::range;
 use numbers::{NUMBERED_LEADS, NumberedMinimum, Unknown, redrawn_of};
@@ -200,7 +200,7 @@ impl PartUnknown<'_, '_> {
             motion: None,
             mu_c_wander_log_sd: 0.0,
         };
-        let limit = misfit_limit(measured.data().len(), measured.freedom());
+        let limit = limit(measured);
         let explains = |tried: &Tried| tried.cost <= limit;
         let starts: Vec<_> = guesses.collect();
         let wanted = starts.iter().copied().take_while(|_| !halt.is_wished());
@@ -232,11 +232,14 @@ impl PartUnknown<'_, '_> {
 fn search(problem: &Problem, edges: &[usize], halt: &Halt<'_>) -> Vec<Tried> {
     let course = problem.course.coarse();
     let coarse = Problem { course: &course, ..*problem };
-    let search = |cover: Cover| descend_all(problem, starts(&coarse, edges, cover, halt), halt);
+    let search = |cover: Cover| descend_all(problem, begun(&coarse, edges, cover, halt), halt);
     let mut tried = search(Cover::Dense);
     // What nothing explains, though something nearly does, may have its explanation between the guesses.
-    let limit = misfit_limit(problem.measured.data().len(), problem.measured.freedom());
-    if (limit..NEARLY * limit).contains(&least_cost(&tried)) {
+    let limit = limit(problem.measured);
+    if least_cost(&tried) >= NEARLY * limit {
+        return tried;
+    }
+    if least_cost(&tried) >= limit {
         tried.extend(search(Cover::Denser));
     }
     tried.extend(on_other_edges(problem, edges, &tried, halt));
@@ -244,6 +247,71 @@ fn search(problem: &Problem, edges: &[usize], halt: &Halt<'_>) -> Vec<Tried> {
     tried.extend(from_other_onsets(problem, &tried, halt));
     tried
 }
+
+/// Guesses that may explain a push: of a long one those that explain its beginning, and then more and more of it. A minimum is
+/// the wider the shorter the push, and what cannot explain the beginning cannot explain the whole.
+fn begun(problem: &Problem, edges: &[usize], cover: Cover, halt: &Halt<'_>) -> Vec<Tried> {
+    let whole = problem.course.duration;
+    let mut tried = Vec::new();
+    let mut until = BEGINNING_S;
+    while problem.course.start == CourseStart::Rest && whole >= MUCH_LONGER * until && !halt.is_wished() {
+        let Some(felt) = problem.measured.beginning(until) else { break };
+        let course = Course { duration: until, ..problem.course.clone() };
+        let beginning = Problem { course: &course, measured: &*felt, mass: problem.mass };
+        tried = begin_all(&beginning, guesses(&beginning, &tried, edges, cover, halt), halt);
+        tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        let far = FAR_FROM_BEGINNING * limit(&*felt);
+        tried.truncate(tried.partition_point(|tried| tried.cost <= far).max(BEGINNINGS_MIN));
+        until *= LONGER;
+    }
+    guesses(problem, &tried, edges, cover, halt)
+}
+
+/// The most that noise leaves of what was felt.
+fn limit(measured: &dyn Felt) -> f64 {
+    misfit_limit(measured.data().len(), measured.freedom())
+}
+
+/// Guesses for a push: those that were followed over some of it gone on, or, where there are none, all over some edges.
+fn guesses(problem: &Problem, before: &[Tried], edges: &[usize], cover: Cover, halt: &Halt<'_>) -> Vec<Tried> {
+    if before.is_empty() {
+        return starts(problem, edges, cover, halt);
+    }
+    before.iter().flat_map(|tried| gone_on(problem, tried)).collect()
+}
+
+/// The beginning of a push that is searched first, s.
+const BEGINNING_S: f64 = 0.9;
+
+/// So many times as much is looked at next.
+const LONGER: f64 = 1.5;
+
+/// A push that is not so many times as long as what was looked at is looked at as a whole.
+const MUCH_LONGER: f64 = 1.3;
+
+/// What costs so many times the most that noise leaves does not explain a beginning: coarse steps of time are off by less.
+const FAR_FROM_BEGINNING: f64 = 30.0;
+
+/// So many are followed in any case: where nothing explains a push, a person wants to know what comes nearest.
+const BEGINNINGS_MIN: usize = 3;
+
+/// A guess that was followed over some of the push, over more of it; and, where it rolled so far, the same with frictions at
+/// which it slips later.
+fn gone_on(problem: &Problem, tried: &Tried) -> Vec<Tried> {
+    let whole = problem.try_guess(tried.guess);
+    let mut all: Vec<_> = whole.into_iter().collect();
+    if !tried.path.slipped {
+        let needed = all.first().map_or(MU_C_MAX, |rolling| rolling.path.friction_needed);
+        let least = SLIPS_LATER * tried.path.friction_needed;
+        let frictions = Cover::Dense.frictions().into_iter().chain(SLIPPING.map(|share| share * needed));
+        let later = frictions.filter(|mu_c| (least..needed).contains(mu_c));
+        all.extend(later.filter_map(|mu_c| problem.try_guess(Guess { mu_c, ..tried.guess })));
+    }
+    all
+}
+
+/// What rolled so far may slip further on, with a friction down to this share of what rolling took so far: the guess is rough.
+const SLIPS_LATER: f64 = 0.85;
 
 /// Guesses all over some edges.
 fn starts(problem: &Problem, edges: &[usize], cover: Cover, halt: &Halt<'_>) -> Vec<Tried> {

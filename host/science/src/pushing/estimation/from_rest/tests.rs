@@ -178,7 +178,7 @@ fn the_beginning_of_what_was_felt_is_a_part_of_it() {
     let whole = measured(&drawn, &mut draw, duration);
     let forces = true_windows(&drawn.played, hann_windows::count(duration));
     for windows in [1, 7, forces.len(), 2 * forces.len()] {
-        let beginning = whole.beginning(windows);
+        let beginning = whole.beginning_of(windows);
         let values = 2 * windows.min(forces.len());
         assert_eq!(beginning.data().len(), values);
         assert_eq!(beginning.data(), &whole.data().rows(0, values));

@@ -207,6 +207,10 @@ impl Felt for WindowedForce {
         ONSETS_TRIED.into_iter().take(count).map(move |place| place * self.onset_sd).collect()
     }
 
+    fn beginning(&self, until: f64) -> Option<Box<dyn Felt>> {
+        Some(Box::new(self.beginning_of(hann_windows::count(until))))
+    }
+
     fn predicted(&self, path: &Path, delay: f64) -> Predicted {
         let beside = self.beside.clone();
         let Some(readings) = &self.readings else {
@@ -331,7 +335,7 @@ impl WindowedForce {
     }
 
     /// The same of the first windows alone: exactly, since whitening goes from the first window on.
-    pub(super) fn beginning(&self, windows: usize) -> Self {
+    pub(super) fn beginning_of(&self, windows: usize) -> Self {
         let span = windows.min(self.span());
         let forces_finger = self.forces_finger[..span].to_vec();
         let values = 2 * forces_finger.iter().flatten().count();

@@ -185,6 +185,19 @@ impl Felt for ReadForce {
         Predicted { unsure, beside: self.beside.clone(), ..Predicted::exact(shape) }
     }
 
+    fn beginning(&self, until: f64) -> Option<Box<dyn Felt>> {
+        let readings = self.times.partition_point(|time| *time <= until);
+        let of = |values: &DVector<f64>| values.rows(0, 2 * readings).into_owned();
+        Some(Box::new(Self {
+            times: self.times[..readings].to_vec(),
+            deviations: self.deviations[..readings].to_vec(),
+            data: of(&self.data),
+            turning: self.turning.as_ref().map(|forces| forces[..readings].to_vec()),
+            beside: self.beside.iter().map(of).collect(),
+            ..*self
+        }))
+    }
+
     fn carried(&self, legs: &[Leg]) -> Option<DVector<f64>> {
         let values = self.times.iter().zip(&self.deviations).enumerate().flat_map(|(row, (&time, deviation))| {
             let inertia = acceleration(legs, time) * self.effective_mass;
