@@ -1,11 +1,11 @@
 //! Why no pose explains what was felt: a handful of mistakes that people make when they say what they know, each tried.
 //!
-//! A mistake is undone in what is known, and the pose is sought anew. The one that makes a pose fit is likely the one that
-//! was made; that several do is possible, as is none. Tried in this order, up to the first kind of which one fits (units
-//! first, where the sizes told fit on no table):
+//! A mistake is undone in what is known, and the pose is sought anew, as quickly as a library's parts are ([`first_look`]).
+//! The one that makes a pose fit is likely the one that was made; that several do is possible, as is none. Tried in this
+//! order, up to the first kind of which one fits (units first, where the sizes told fit on no table):
 //! - axes: the force has the opposite sign (that on the part instead of that on the finger), or the axes of force and
 //!   motion are turned or mirrored against each other;
-//! - the radius of the finger's disk: half, twice, or whatever between fits best;
+//! - the radius of the finger's disk: half, twice, or whatever about and between them fits best;
 //! - the unit of the part file's lengths, of the motion's, or of both, as far as what then results fits on a table;
 //! - µ of the plane: known far worse than was said.
 //!
@@ -21,7 +21,8 @@ use nalgebra::{Matrix2, Point2, Vector2};
 
 use super::felt::Felt as _;
 use super::fit::Problem;
-use super::{Cover, KnownFromRest, WindowedForce, course, descend_all, misfit_limit, starts, symmetry};
+use super::{BEGINNING_S, KnownFromRest, WindowedForce, course, first_look, hann_windows, limit, search, symmetry};
+use crate::pushing::estimation::hypotheses::Fit;
 use crate::pushing::finger_motion::{FingerMotion, Segment};
 use crate::search::{Halt, Searched, Stop};
 
@@ -87,8 +88,8 @@ pub struct Misfit {
 /// How µ g is tried where nothing else explains the push: within a factor of two and a half, as one standard deviation.
 const MU_G_LOG_SD: f64 = 0.92;
 
-/// Radii tried first, in shares of what was told: a diameter for a radius and the reverse are its ends.
-const RADII: [f64; 7] = [0.5, 0.62, 0.78, 0.9, 1.15, 1.45, 2.0];
+/// Radii tried first, in shares of what was told: a diameter for a radius and the reverse, and somewhat more.
+const RADII: [f64; 9] = [0.4, 0.5, 0.62, 0.78, 0.9, 1.15, 1.45, 2.0, 2.5];
 
 /// Halvings of the distance between two radii: to some 1e-4 of it, where the force tells less.
 const RADIUS_STEPS: usize = 12;
@@ -109,17 +110,16 @@ const TRAVEL_M: [f64; 2] = [2e-3, 1.0];
 #[must_use]
 pub fn misfit(known: &KnownFromRest, measured: &WindowedForce, stop: Stop<'_>) -> Searched<Misfit> {
     let halt = Halt::new(stop);
-    let kinds: [&dyn Fn() -> Vec<Tried>; 4] =
-        [&|| axes(known), &|| radii(known, measured, &halt), &|| units(known), &|| friction(known)];
-    // What does not fit on a table is most likely told in the wrong unit, and takes long to search.
+    let kinds: [&dyn Fn() -> Vec<LikelyMistake>; 4] = [
+        &|| fitting(axes(known), known, measured, &halt),
+        &|| fitting(radii(known, measured, &halt), known, measured, &halt),
+        &|| fitting(units(known), known, measured, &halt),
+        &|| friction(known, measured, &halt),
+    ];
+    // What does not fit on a table is most likely told in the wrong unit.
     let order = if is_of_a_table(known, 1.0, 1.0) { [0, 1, 2, 3] } else { [2, 0, 1, 3] };
-    let mut mistakes = Vec::new();
-    for kind in order.map(|kind| kinds[kind]) {
-        mistakes = fitting(kind(), known, measured, &halt);
-        if !mistakes.is_empty() || halt.is_wished() {
-            break;
-        }
-    }
+    let wanted = order.into_iter().take_while(|_| !halt.is_wished());
+    let mistakes = wanted.map(|kind| kinds[kind]()).find(|mistakes| !mistakes.is_empty()).unwrap_or_default();
     halt.searched(Misfit { onset_angle: onset_angle(known, measured), mistakes })
 }
 
@@ -129,53 +129,32 @@ struct Tried {
     motion: FingerMotion,
     radius: f64,
     mu_g: f64,
-    mu_g_log_sd: Option<f64>,
 }
 
 /// Those of one kind that fit, the best first.
 fn fitting(tried: Vec<Tried>, known: &KnownFromRest, measured: &WindowedForce, halt: &Halt<'_>) -> Vec<LikelyMistake> {
-    let limit = limit(measured);
-    let costs = tried.into_iter().take_while(|_| !halt.is_wished()).filter_map(|tried| {
-        let mistake = tried.mistake;
-        let (cost, mu_g) = tried.least_cost(known, measured, halt)?;
-        let mistake = if let Mistake::Friction(_) = mistake { Mistake::Friction(mu_g) } else { mistake };
-        (cost <= limit).then_some(LikelyMistake { mistake, cost })
-    });
-    let mut likely: Vec<_> = costs.collect();
+    let wanted = tried.into_iter().take_while(|_| !halt.is_wished());
+    let mut likely: Vec<_> = wanted
+        .filter_map(|tried| {
+            let Fit { cost, cost_max, .. } = tried.fit(known, measured);
+            let cost = cost.filter(|cost| *cost <= cost_max)?;
+            Some(LikelyMistake { mistake: tried.mistake, cost })
+        })
+        .collect();
     likely.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     likely
 }
 
-fn limit(measured: &WindowedForce) -> f64 {
-    misfit_limit(measured.data().len(), measured.freedom())
-}
-
 impl Tried {
     fn new(mistake: Mistake, known: &KnownFromRest, motion: FingerMotion) -> Self {
-        let KnownFromRest { radius, mu_g, mu_g_log_sd, .. } = *known;
-        Self { mistake, motion, radius, mu_g, mu_g_log_sd }
+        Self { mistake, motion, radius: known.radius, mu_g: known.mu_g }
     }
 
-    /// Least cost of any pose, and µ g there.
-    fn least_cost(&self, known: &KnownFromRest, measured: &WindowedForce, halt: &Halt<'_>) -> Option<(f64, f64)> {
-        let Self { radius, mu_g, mu_g_log_sd, .. } = *self;
-        let known = KnownFromRest { mu_g, mu_g_log_sd, radius, shape: None, motion: &self.motion, ..*known };
-        let measured = &measured.of_contact(known.motion, known.finger);
-        let course = course(&known, measured);
-        let problem = Problem { course: &course, measured, mass: None };
-        let tried = search(&problem, halt);
-        let best = tried.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-        Some((best.cost, course.mu_g_of(&best.guess)))
+    /// How far the best pose is from explaining it.
+    fn fit(&self, known: &KnownFromRest, measured: &WindowedForce) -> Fit {
+        let Self { radius, mu_g, .. } = *self;
+        first_look(&KnownFromRest { mu_g, radius, shape: None, motion: &self.motion, ..*known }, measured)
     }
-}
-
-/// Minima of all distinct edges.
-fn search(problem: &Problem, halt: &Halt<'_>) -> Vec<super::Tried> {
-    let part = problem.course.part;
-    let edges = symmetry::distinct(part, symmetry::order(part));
-    let course = problem.course.coarse();
-    let starts = starts(&Problem { course: &course, ..*problem }, &edges, Cover::Dense, halt);
-    descend_all(problem, starts, halt)
 }
 
 /// Angle between the first force on the finger and the reverse of its acceleration.
@@ -210,20 +189,21 @@ fn axes(known: &KnownFromRest) -> Vec<Tried> {
 /// The radius that fits best, if one may: the valley's floor between the radii tried.
 fn radii(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt<'_>) -> Vec<Tried> {
     let at = |radius: f64| Tried { radius, ..Tried::new(Mistake::Radius(radius), known, known.motion.clone()) };
+    // In shares of the most that noise leaves: what is far has a cost of the beginning alone.
     let cost = |radius: f64| {
-        let found = at(radius).least_cost(known, measured, halt);
-        found.map_or(f64::INFINITY, |(cost, _)| cost)
+        let Fit { cost, cost_max, .. } = at(radius).fit(known, measured);
+        cost.map_or(f64::INFINITY, |cost| cost / cost_max)
     };
     let costs = RADII.map(|share| if halt.is_wished() { f64::INFINITY } else { cost(share * known.radius) });
     let Some(best) = (0..RADII.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])) else { return Vec::new() };
-    if costs[best] > NEARLY * limit(measured) {
+    if costs[best] > NEARLY {
         return Vec::new();
     }
     let share = |index: usize| RADII[index] * known.radius;
     let (mut low, mut high) = (share(best.saturating_sub(1)), share((best + 1).min(RADII.len() - 1)));
     let (mut middle, mut least) = (share(best), costs[best]);
     for _ in 0..RADIUS_STEPS {
-        if least <= limit(measured) || halt.is_wished() {
+        if least <= 1.0 || halt.is_wished() {
             break;
         }
         // Into the wider side, by the golden section.
@@ -288,9 +268,25 @@ fn travel(motion: &FingerMotion) -> f64 {
     most
 }
 
-fn friction(known: &KnownFromRest) -> Vec<Tried> {
-    let one = Tried::new(Mistake::Friction(known.mu_g), known, known.motion.clone());
-    vec![Tried { mu_g_log_sd: Some(MU_G_LOG_SD), ..one }]
+/// µ g of the plane at which the best pose fits, if one does, however far from what was told.
+fn friction(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt<'_>) -> Vec<LikelyMistake> {
+    let known = KnownFromRest { mu_g_log_sd: Some(MU_G_LOG_SD), ..*known };
+    let beginning = measured.beginning_of(hann_windows::count(BEGINNING_S));
+    // What does not explain the beginning does not explain the whole.
+    let begins = beginning.span() == measured.span() || friction_of(&known, &beginning, halt).is_some();
+    let likely = begins.then(|| friction_of(&known, measured, halt)).flatten();
+    likely.into_iter().collect()
+}
+
+/// The same where it is known that badly.
+fn friction_of(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt<'_>) -> Option<LikelyMistake> {
+    let edges = symmetry::distinct(known.part, symmetry::order(known.part));
+    let measured = &measured.of_contact(known.motion, known.finger);
+    let course = course(known, measured);
+    let tried = search(&Problem { course: &course, measured, mass: None }, &edges, halt);
+    let best =
+        tried.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)).filter(|best| best.cost <= limit(measured))?;
+    Some(LikelyMistake { mistake: Mistake::Friction(course.mu_g_of(&best.guess)), cost: best.cost })
 }
 
 #[cfg(test)]
@@ -301,7 +297,7 @@ mod tests {
     use crate::gravity::GRAVITY_ASSUMED;
     use crate::pushing::dynamics::Part;
     use crate::pushing::estimation::Status;
-    use crate::pushing::estimation::from_rest::{Uncertainty, estimate, hann_windows};
+    use crate::pushing::estimation::from_rest::{Uncertainty, estimate};
     use crate::pushing::pushed_world::PushedWorld;
     use crate::search::never;
 
@@ -417,11 +413,7 @@ mod tests {
         assert!((factor * 25.4 - 1.0).abs() < 1e-9, "{factor}");
         let inches = changed(&motion, &(Matrix2::identity() / 25.4)).unwrap();
         let told = told(&part, &inches);
-        // As coarsely as mistakes are tried: a finger that hardly moves keeps the whole search busy for twenty seconds.
-        let as_told = Tried::new(Mistake::Radius(RADIUS_M), &told, inches.clone());
-        let (cost, _) = as_told.least_cost(&told, &measured, &Halt::new(&never)).unwrap();
-        assert!(cost > 10.0 * limit(&measured), "it fits all the same: {cost}");
-        let mistakes = misfit(&told, &measured, &never).found.mistakes;
+        let mistakes = found(&told, &measured).mistakes;
         let Mistake::Unit { of: Lengths::OfMotion, factor } = mistakes[0].mistake else { panic!("{mistakes:?}") };
         assert!((factor / 25.4 - 1.0).abs() < 1e-9, "{factor}");
     }
