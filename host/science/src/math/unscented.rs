@@ -22,25 +22,9 @@ pub(crate) struct Gaussian<const N: usize> {
 impl<const N: usize> Gaussian<N> {
     /// The points less the mean, those in front of it; the others are opposite. None where nothing is uncertain.
     pub(crate) fn offsets(&self) -> Vec<SVector<f64, N>> {
-        let columns = self.square_root();
+        let columns = square_root(&self.covariance);
         let scale = (columns.len() as f64).sqrt();
         columns.into_iter().map(|column| column * scale).collect()
-    }
-
-    /// Columns whose squares add up to the covariance: Cholesky's, those of no length left out.
-    fn square_root(&self) -> Vec<SVector<f64, N>> {
-        let mut left = self.covariance;
-        let mut columns = Vec::new();
-        for place in 0..N {
-            let variance = left[(place, place)];
-            if variance <= SINGULAR * self.covariance[(place, place)] {
-                continue;
-            }
-            let column: SVector<f64, N> = left.column(place) / variance.sqrt();
-            left -= column * column.transpose();
-            columns.push(column);
-        }
-        columns
     }
 
     /// Of points of one weight.
@@ -57,6 +41,22 @@ impl<const N: usize> Gaussian<N> {
         self.covariance.row_mut(place).fill(0.0);
         self.covariance.column_mut(place).fill(0.0);
     }
+}
+
+/// Columns whose squares add up to a covariance: Cholesky's, those of no length left out.
+pub(crate) fn square_root<const N: usize>(covariance: &SMatrix<f64, N, N>) -> Vec<SVector<f64, N>> {
+    let mut left = *covariance;
+    let mut columns = Vec::new();
+    for place in 0..N {
+        let variance = left[(place, place)];
+        if variance <= SINGULAR * covariance[(place, place)] {
+            continue;
+        }
+        let column: SVector<f64, N> = left.column(place) / variance.sqrt();
+        left -= column * column.transpose();
+        columns.push(column);
+    }
+    columns
 }
 
 /// What two values measured say of a Gaussian.

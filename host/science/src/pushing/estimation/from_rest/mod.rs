@@ -47,6 +47,7 @@ pub mod symmetry;
 pub mod trial;
 mod valley;
 pub mod watch;
+mod whitener;
 pub mod windowed_force;
 
 use std::collections::BTreeMap;

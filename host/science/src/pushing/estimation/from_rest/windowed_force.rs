@@ -15,11 +15,13 @@
 //! force.
 //! Errors: [`WindowedForce::new`] gives none where there is nothing to compare.
 
-use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x4, Matrix4, Vector2};
+use nalgebra::{DVector, Matrix2, Matrix2x4, Matrix4, Vector2};
 
 use super::felt::{Felt, Predicted, drift_weights};
 use super::hann_windows::{self, HOP_S, LENGTH_S, NEIGHBOUR_CORRELATION};
 use super::path::Path;
+use super::whitener::{CommonShares, Uncertain, Whitener};
+use crate::math::unscented::square_root;
 use crate::pushing::finger_motion::FingerMotion;
 
 /// What a prediction may be off by, as a share of the force: the disk's ringing, which a window lets through by 8e-4 at
@@ -96,8 +98,8 @@ pub struct WindowedForce {
     forces_finger: Vec<Option<Vector2<f64>>>,
     /// The means times L⁻¹, in standard deviations.
     data: DVector<f64>,
-    /// Lower triangle L⁻¹ of the covariance L Lᵀ.
-    whitener: DMatrix<f64>,
+    /// L⁻¹ of the covariance L Lᵀ of the windows that have a mean.
+    whitener: Whitener,
     /// Independent values that the size of the covariance is known from.
     freedom: f64,
     onset_sd: f64,
@@ -283,11 +285,10 @@ impl WindowedForce {
         if felt.is_empty() || !felt.iter().all(is_finite) {
             return None;
         }
-        let (covariance, noise_share) = covariance(&felt, uncertainty, onset_sd);
-        let lower = covariance.cholesky()?.unpack();
-        let size = lower.nrows();
-        let whitener = lower.solve_lower_triangular(&DMatrix::identity(size, size))?;
-        let data = &whitener * stacked(felt.iter().map(|felt| felt.force), size);
+        let uncertain = uncertain(&felt, uncertainty, onset_sd);
+        let whitener = Whitener::new(&uncertain)?;
+        let noise_share = noise_share(&uncertain, noise(uncertainty).trace());
+        let data = whitener.whiten(felt.iter().map(|felt| felt.force));
         // Satterthwaite: only the part of the variance that is noise was estimated from so few values, of two axes.
         let freedom = 2.0 * uncertainty.noise_freedom.max(FREEDOM_MIN) / (noise_share * noise_share);
         Some(Self { forces_finger, data, whitener, freedom, onset_sd: 0.0, readings: None, beside: Vec::new() })
@@ -323,7 +324,7 @@ impl WindowedForce {
         let noise = (share * deviations).hypot(1.0);
         Self {
             data: &self.data / noise,
-            whitener: &self.whitener / noise,
+            whitener: self.whitener.with_noise(noise),
             beside: self.beside.iter().map(|beside| beside / noise).collect(),
             ..self.clone()
         }
@@ -338,11 +339,12 @@ impl WindowedForce {
     pub(super) fn beginning_of(&self, windows: usize) -> Self {
         let span = windows.min(self.span());
         let forces_finger = self.forces_finger[..span].to_vec();
-        let values = 2 * forces_finger.iter().flatten().count();
+        let windows = forces_finger.iter().flatten().count();
+        let values = 2 * windows;
         Self {
             forces_finger,
             data: self.data.rows(0, values).into_owned(),
-            whitener: self.whitener.view((0, 0), (values, values)).into_owned(),
+            whitener: self.whitener.beginning(windows),
             beside: self.beside.iter().map(|beside| beside.rows(0, values).into_owned()).collect(),
             ..self.clone()
         }
@@ -407,31 +409,19 @@ impl WindowedForce {
 
     /// What the whitened values are of the windows that have a mean, N.
     pub(super) fn in_newtons(&self, whitened: &DVector<f64>) -> Vec<Vector2<f64>> {
-        // The diagonal of a whitener is positive.
-        let plain = self.whitener.solve_lower_triangular(whitened).unwrap_or_else(|| whitened.clone());
-        plain.as_slice().chunks(2).map(|pair| Vector2::new(pair[0], pair[1])).collect()
+        self.whitener.unwhiten(whitened)
     }
 
     /// Standard deviation of each mean along each axis, N.
     pub(super) fn deviations(&self) -> Vec<Vector2<f64>> {
-        let size = self.data.len();
-        let lower = self.whitener.solve_lower_triangular(&DMatrix::identity(size, size));
-        let of_row = |row: usize| lower.as_ref().map_or(0.0, |lower| lower.row(row).norm());
-        (0..size / 2).map(|window| Vector2::new(of_row(2 * window), of_row(2 * window + 1))).collect()
+        self.whitener.deviations()
     }
 
     /// Predicted means of all windows (N), those that were felt times L⁻¹, in standard deviations.
     pub(super) fn whiten(&self, forces: impl Iterator<Item = Vector2<f64>>) -> DVector<f64> {
         let felt = forces.zip(&self.forces_finger).filter(|(_, felt)| felt.is_some());
-        let plain = stacked(felt.map(|(force, _)| force), self.data.len());
-        let rows =
-            (0..plain.len()).map(|row| self.whitener.view((row, 0), (1, row + 1)).tr_dot(&plain.rows(0, row + 1)));
-        DVector::from_iterator(plain.len(), rows)
+        self.whitener.whiten(felt.map(|(force, _)| force))
     }
-}
-
-fn stacked(forces: impl Iterator<Item = Vector2<f64>>, size: usize) -> DVector<f64> {
-    DVector::from_iterator(size, forces.flat_map(|force| [force.x, force.y]))
 }
 
 /// Which share of each window's weight has readings.
@@ -451,39 +441,46 @@ struct Window {
     covered: f64,
 }
 
-/// The covariance, and which share of its diagonal is noise.
-fn covariance(felt: &[Window], uncertainty: &Uncertainty, onset_sd: f64) -> (DMatrix<f64>, f64) {
-    let count = felt.len();
-    // The inverse of an estimated covariance of two axes is too large on average by this (Wishart).
-    let values = uncertainty.noise_freedom.max(FREEDOM_MIN);
-    let noise = if values.is_finite() { uncertainty.noise * (values / (values - 3.0)) } else { uncertainty.noise };
-    let rates: Vec<_> = (0..count).map(|place| rate(felt, place)).collect();
-    let mut covariance = DMatrix::zeros(2 * count, 2 * count);
-    for (row, at_row) in felt.iter().enumerate() {
-        for (column, at_column) in felt.iter().enumerate() {
-            let mut block = uncertainty.bias + rates[row] * rates[column].transpose() * onset_sd.powi(2);
-            let alike = correlation(at_row.window.abs_diff(at_column.window));
-            block += noise * (alike / (at_row.covered * at_column.covered).sqrt());
-            if let Some(calibration) = &uncertainty.calibration {
-                block += calibration.between(&at_row.force, &at_column.force);
-            }
-            if row == column {
-                block += Matrix2::identity() * (MODEL_SHARE * at_row.force.norm()).powi(2);
-            }
-            covariance.view_mut((2 * row, 2 * column), (2, 2)).copy_from(&block);
+/// What is uncertain about each window's mean.
+fn uncertain(felt: &[Window], uncertainty: &Uncertainty, onset_sd: f64) -> Vec<Uncertain> {
+    let noise = noise(uncertainty);
+    let bias = square_root(&uncertainty.bias);
+    let calibration = uncertainty.calibration.map(|calibration| (calibration, square_root(&calibration.covariance)));
+    let window = |(place, at): (usize, &Window)| {
+        let of_bias = bias.iter().copied();
+        let of_matrix = calibration.iter().flat_map(|(calibration, root)| {
+            let by_matrix = calibration.by_matrix(&at.force);
+            root.iter().map(move |column| by_matrix * column)
+        });
+        let of_onset = std::iter::once(rate(felt, place) * onset_sd);
+        let mut common = CommonShares::zeros();
+        for (mut column, of) in common.column_iter_mut().zip(of_bias.chain(of_matrix).chain(of_onset)) {
+            column.copy_from(&of);
         }
-    }
-    let share = noise.trace() * count as f64 / covariance.trace();
-    (covariance, share.clamp(f64::MIN_POSITIVE, 1.0))
+        let covered = |other: &Window| (at.covered * other.covered).sqrt();
+        let before = place.checked_sub(1).map(|before| &felt[before]);
+        let with_previous = before.filter(|before| before.window + 1 == at.window);
+        Uncertain {
+            noise: noise / at.covered + Matrix2::identity() * (MODEL_SHARE * at.force.norm()).powi(2),
+            with_previous: with_previous
+                .map_or_else(Matrix2::zeros, |before| noise * (NEIGHBOUR_CORRELATION / covered(before))),
+            common,
+        }
+    };
+    felt.iter().enumerate().map(window).collect()
 }
 
-/// Correlation of the noise of windows so many hops apart.
-fn correlation(hops: usize) -> f64 {
-    match hops {
-        0 => 1.0,
-        1 => NEIGHBOUR_CORRELATION,
-        _ => 0.0,
-    }
+/// The noise of a window's mean that is in full: the inverse of an estimated covariance of two axes is too large on average by this
+/// (Wishart).
+fn noise(uncertainty: &Uncertainty) -> Matrix2<f64> {
+    let values = uncertainty.noise_freedom.max(FREEDOM_MIN);
+    if values.is_finite() { uncertainty.noise * (values / (values - 3.0)) } else { uncertainty.noise }
+}
+
+/// Which share of all variance is noise, where a window's has so much along both axes.
+fn noise_share(uncertain: &[Uncertain], noise: f64) -> f64 {
+    let all: f64 = uncertain.iter().map(|window| window.noise.trace() + window.common.norm_squared()).sum();
+    (noise * uncertain.len() as f64 / all).clamp(f64::MIN_POSITIVE, 1.0)
 }
 
 /// How fast the force changes at a window, N/s.
@@ -494,12 +491,9 @@ fn rate(felt: &[Window], place: usize) -> Vector2<f64> {
 }
 
 impl CalibrationUncertainty {
-    /// Covariance of the errors of two forces: δF = −A δB F.
-    fn between(&self, first: &Vector2<f64>, second: &Vector2<f64>) -> Matrix2<f64> {
-        let by_matrix = |force: &Vector2<f64>| {
-            let (x, y) = (force.x, force.y);
-            -self.inverse * Matrix2x4::new(x, y, 0.0, 0.0, 0.0, 0.0, x, y)
-        };
-        by_matrix(first) * self.covariance * by_matrix(second).transpose()
+    /// By what the entries of B move a force: δF = −A δB F.
+    fn by_matrix(&self, force: &Vector2<f64>) -> Matrix2x4<f64> {
+        let (x, y) = (force.x, force.y);
+        -self.inverse * Matrix2x4::new(x, y, 0.0, 0.0, 0.0, 0.0, x, y)
     }
 }
