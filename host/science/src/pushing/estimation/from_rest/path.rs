@@ -194,13 +194,13 @@ impl Path {
 impl Path {
     /// The force at times that are asked for in ascending order, its jumps spread over `spread`, s.
     pub(super) fn forces(&self, spread: f64) -> ForceReader<'_> {
-        ForceReader { path: self, jumps: self.jumps.clone(), spread, next: 1, jump: 0 }
+        ForceReader::new(self, self.jumps.clone(), spread)
     }
 
     /// The same where times are those of the finger's motion: jumps of which that says when are not spread.
     pub(super) fn forces_in_finger_time(&self, spread: f64) -> ForceReader<'_> {
         let jumps = self.jumps.iter().filter(|jump| !jump.is_of_finger).copied().collect();
-        ForceReader { path: self, jumps, spread, next: 1, jump: 0 }
+        ForceReader::new(self, jumps, spread)
     }
 }
 
@@ -212,20 +212,64 @@ pub(super) struct ForceReader<'a> {
     spread: f64,
     /// The first knot after the time asked for last; knots at one time are before and after a jump.
     next: usize,
+    /// The force up to there.
+    piece: Piece,
     /// The first jump that is not over at the time asked for last.
     jump: usize,
 }
 
-impl ForceReader<'_> {
+/// The force between two knots.
+#[derive(Clone, Copy)]
+struct Piece {
+    before: (f64, Vector2<f64>),
+    after: f64,
+    slope: Vector2<f64>,
+    /// Half of the second derivative.
+    bend: Vector2<f64>,
+}
+
+impl Piece {
+    /// Up to a knot: by a parabola through three knots with no jump between them, where there are three; the last force after the
+    /// last.
+    fn up_to(knots: &[(f64, Vector2<f64>)], next: usize) -> Self {
+        let before = knots[next - 1];
+        let Some(&after) = knots.get(next) else {
+            return Self { before, after: f64::MAX, slope: Vector2::zeros(), bend: Vector2::zeros() };
+        };
+        let slope = (after.1 - before.1) / (after.0 - before.0);
+        let further = knots.get(next + 1).filter(|further| further.0 > after.0);
+        let earlier = next.checked_sub(2).map(|index| knots[index]).filter(|earlier| earlier.0 < before.0);
+        let bend = match (further, earlier) {
+            (Some(further), _) => ((further.1 - after.1) / (further.0 - after.0) - slope) / (further.0 - before.0),
+            (None, Some(earlier)) => (slope - (before.1 - earlier.1) / (before.0 - earlier.0)) / (after.0 - earlier.0),
+            (None, None) => Vector2::zeros(),
+        };
+        Self { before, after: after.0, slope, bend }
+    }
+
+    fn at(&self, time: f64) -> Vector2<f64> {
+        let since = time - self.before.0;
+        self.before.1 + (self.slope + self.bend * (time - self.after)) * since
+    }
+}
+
+impl<'a> ForceReader<'a> {
+    fn new(path: &'a Path, jumps: Vec<Jump>, spread: f64) -> Self {
+        Self { path, jumps, spread, next: 1, piece: Piece::up_to(&path.knots, 1), jump: 0 }
+    }
+
     /// The force on the finger's disk, per unit mass of the part; nothing before the start, and the last one after the
     /// end.
     pub(super) fn at(&mut self, time: f64) -> Vector2<f64> {
-        let knots = &self.path.knots;
-        while self.next < knots.len() && knots[self.next].0 <= time {
-            self.next += 1;
+        if self.piece.after <= time {
+            let knots = &self.path.knots;
+            while self.next < knots.len() && knots[self.next].0 <= time {
+                self.next += 1;
+            }
+            self.piece = Piece::up_to(knots, self.next);
         }
-        let force = if time < 0.0 { Vector2::zeros() } else { self.between(time) };
-        force + self.spread_jumps(time)
+        let force = if time < 0.0 { Vector2::zeros() } else { self.piece.at(time) };
+        self.with_spread_jumps(force, time)
     }
 
     /// The jump that spreading reaches at the time asked for last: which one, and a standard deviation of what a sensor
@@ -236,37 +280,17 @@ impl ForceReader<'_> {
         (0.0..1.0).contains(&share).then(|| (self.jump, jump.by * (share * (1.0 - share)).sqrt()))
     }
 
-    /// By a parabola through three knots with no jump between them, where there are three.
-    fn between(&self, time: f64) -> Vector2<f64> {
-        let knots = &self.path.knots;
-        let Some(&after) = knots.get(self.next) else { return knots[knots.len() - 1].1 };
-        let before = knots[self.next - 1];
-        let span = after.0 - before.0;
-        let slope = (after.1 - before.1) / span;
-        let straight = before.1 + slope * (time - before.0);
-        let further = knots.get(self.next + 1).filter(|further| further.0 > after.0);
-        let earlier = self.next.checked_sub(2).map(|index| knots[index]).filter(|earlier| earlier.0 < before.0);
-        let bend = match (further, earlier) {
-            (Some(further), _) => ((further.1 - after.1) / (further.0 - after.0) - slope) / (further.0 - before.0),
-            (None, Some(earlier)) => (slope - (before.1 - earlier.1) / (before.0 - earlier.0)) / (after.0 - earlier.0),
-            (None, None) => Vector2::zeros(),
-        };
-        straight + bend * ((time - before.0) * (time - after.0))
-    }
-
-    /// What spreading the jumps adds: half of one that is about to come, less half of one that has just been.
-    fn spread_jumps(&mut self, time: f64) -> Vector2<f64> {
-        let jumps = &self.jumps;
+    /// With what spreading the jumps adds: half of one that is about to come, less half of one that has just been.
+    fn with_spread_jumps(&mut self, mut force: Vector2<f64>, time: f64) -> Vector2<f64> {
         let half = 0.5 * self.spread;
-        while self.jump < jumps.len() && jumps[self.jump].time < time - half {
+        while self.jumps.get(self.jump).is_some_and(|jump| jump.time < time - half) {
             self.jump += 1;
         }
-        let near = jumps[self.jump..].iter().take_while(|jump| jump.time < time + half);
-        near.map(|jump| {
+        for jump in self.jumps[self.jump..].iter().take_while(|jump| jump.time < time + half) {
             let share = 0.5 + (time - jump.time) / self.spread;
-            jump.by * if time < jump.time { share } else { share - 1.0 }
-        })
-        .sum()
+            force += jump.by * if time < jump.time { share } else { share - 1.0 };
+        }
+        force
     }
 }
 
