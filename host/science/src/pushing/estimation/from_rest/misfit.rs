@@ -1,6 +1,6 @@
 //! Why no pose explains what was felt: a handful of mistakes that people make when they say what they know, each tried.
 //!
-//! A mistake is undone in what is known, and the pose is sought anew, as quickly as a library's parts are ([`first_look`]).
+//! A mistake is undone in what is known, and the pose is sought anew, as quickly as a library's parts are ([`first_look()`]).
 //! The one that makes a pose fit is likely the one that was made; that several do is possible, as is none. Tried in this
 //! order, up to the first kind of which one fits (units first, where the sizes told fit on no table):
 //! - axes: the force has the opposite sign (that on the part instead of that on the finger), or the axes of force and

@@ -257,12 +257,14 @@ fn begun(problem: &Problem, edges: &[usize], cover: Cover, halt: &Halt<'_>) -> V
     let mut until = BEGINNING_S;
     while problem.course.start == CourseStart::Rest && whole >= MUCH_LONGER * until && !halt.is_wished() {
         let Some(felt) = problem.measured.beginning(until) else { break };
-        let course = Course { duration: until, ..problem.course.clone() };
-        let beginning = Problem { course: &course, measured: &*felt, mass: problem.mass };
-        tried = begin_all(&beginning, guesses(&beginning, &tried, edges, cover, halt), halt);
-        tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        let far = FAR_FROM_BEGINNING * limit(&*felt);
-        tried.truncate(tried.partition_point(|tried| tried.cost <= far).max(BEGINNINGS_MIN));
+        if felt.data().len() >= BEGINNING_VALUES_MIN {
+            let course = Course { duration: until, ..problem.course.clone() };
+            let beginning = Problem { course: &course, measured: &*felt, mass: problem.mass };
+            tried = begin_all(&beginning, guesses(&beginning, &tried, edges, cover, halt), halt);
+            tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+            let far = FAR_FROM_BEGINNING * limit(&*felt);
+            tried.truncate(tried.partition_point(|tried| tried.cost <= far).max(BEGINNINGS_MIN));
+        }
         until *= LONGER;
     }
     guesses(problem, &tried, edges, cover, halt)
@@ -283,6 +285,9 @@ fn guesses(problem: &Problem, before: &[Tried], edges: &[usize], cover: Cover, h
 
 /// The beginning of a push that is searched first, s.
 const BEGINNING_S: f64 = 0.9;
+
+/// Values of a beginning that is looked at by itself: fewer, of a sparse sensor or with a hole, leave the unknowns open.
+const BEGINNING_VALUES_MIN: usize = 60;
 
 /// So many times as much is looked at next.
 const LONGER: f64 = 1.5;

@@ -465,6 +465,30 @@ fn a_hole_in_a_push_hides_nothing_behind_it() {
     }
 }
 
+/// Of a long push the beginning is searched first, and where that was hardly felt, more of it.
+#[test]
+fn a_long_push_is_found_from_its_beginning() {
+    let segment = |seconds, acceleration: [f64; 2]| Segment { seconds, acceleration: Vector2::from(acceleration) };
+    let to_and_fro = [0.3, -0.3, 0.3].map(|across| segment(0.55, [0.0, across]));
+    let segments: Vec<_> =
+        [segment(0.3, [0.15, 0.0]), segment(0.5, [0.0, -0.15])].into_iter().chain(to_and_fro).collect();
+    for case in 0..3 {
+        for hole in [NO_HOLE, [0.1, 1.2]] {
+            let motion = FingerMotion::new(Point2::origin(), &segments).unwrap();
+            let (part, ranges, drawn, mut draw) = drawn_from(Ranges { motion, ..Ranges::default() }, case);
+            let sensor = Sensor { noise: 3e-3, period: 5e-4, lost: 0.0, hole };
+            let measured = felt(&drawn.played, &mut draw, sensor);
+            let estimate = estimate(&known(&part, &ranges), &measured);
+            let outcome = TrialOutcome::new(&part, &drawn, &estimate);
+            assert!(
+                outcome.holds_truth && estimate.time_end > 2.3,
+                "case {case}, {hole:?}: {outcome:?}, {:?}",
+                estimate.fit
+            );
+        }
+    }
+}
+
 /// µ_c is said to be at least what rolling took: of the truth, not of the best fit.
 #[test]
 fn the_friction_that_rolling_needs_is_stated_from_below() {
