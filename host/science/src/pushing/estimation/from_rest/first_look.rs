@@ -12,7 +12,7 @@ use super::hann_windows;
 use super::path::Course;
 use super::seeds::Cover;
 use super::windowed_force::WindowedForce;
-use super::{KnownFromRest, apart, course, guesses, least_cost, misfit_limit, symmetry};
+use super::{KnownFromRest, apart, course, guesses, least_cost, limit, symmetry};
 use crate::pushing::estimation::hypotheses::Fit;
 use crate::search::{Halt, never};
 
@@ -102,7 +102,6 @@ fn stages(windows: usize) -> impl Iterator<Item = Stage> {
 
 /// How well the best fits.
 fn fit(tried: &[Tried], measured: &WindowedForce) -> Fit {
-    let values = measured.data().len();
     let cost = Some(least_cost(tried)).filter(|cost| cost.is_finite());
-    Fit { cost, degrees_of_freedom: values, cost_max: misfit_limit(values, measured.freedom()) }
+    Fit { cost, degrees_of_freedom: measured.data().len(), cost_max: limit(measured) }
 }

@@ -615,7 +615,7 @@ fn conclude_of<M>(
 ) -> Estimate {
     let duration = problem.course.duration;
     let (values, freedom) = (problem.measured.data().len(), problem.measured.freedom());
-    let cost_max = misfit_limit(values, freedom);
+    let cost_max = limit(problem.measured);
     minima.sort_by(|a, b| tried(a).cost.total_cmp(&tried(b).cost));
     let best = minima.first().map(|minimum| tried(minimum).cost);
     let excess = best.map_or(1.0, |best| excess_noise(best, values, freedom));
