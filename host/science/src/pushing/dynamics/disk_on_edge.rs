@@ -25,6 +25,7 @@ use nalgebra::{Point2, Vector2};
 use super::contact_mode::ContactForce;
 use super::model::{ContactMode, EdgeTwist, PushModel, State};
 use super::scalar::Scalar;
+use crate::math::Jet;
 
 /// What a state leads to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,6 +42,18 @@ impl<T: Copy> Motion<T> {
     /// The force on the part.
     pub(crate) fn force(&self) -> ContactForce<T> {
         ContactForce { normal: self.normal_force, tangential: self.tangential_force }
+    }
+}
+
+impl<const N: usize> Motion<Jet<N>> {
+    /// Without derivatives.
+    pub(in crate::pushing) fn plain(&self) -> Motion {
+        let State { u, s, omega, v_t } = self.rates;
+        Motion {
+            rates: State { u: u.value, s: s.value, omega: omega.value, v_t: v_t.value },
+            normal_force: self.normal_force.value,
+            tangential_force: self.tangential_force.value,
+        }
     }
 }
 

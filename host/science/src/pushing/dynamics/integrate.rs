@@ -10,6 +10,7 @@ use std::ops::{Add, Mul};
 use nalgebra::{SMatrix, SVector};
 
 use super::contact_model::ContactModel;
+use super::disk_on_edge::Motion;
 use super::model::{ContactMode, PushModel, State};
 use super::scalar::Scalar;
 use super::shaped::ShapedModel;
@@ -83,8 +84,8 @@ impl<T: Scalar> PushModel<'_, T> {
 
 impl PushModel<'_> {
     /// The state one step of `dt` (s) later of a part so slow that what it turns and slides settles within the step
-    /// ([`rosenbrock`]): where friction forgets speed, v/(µg), much faster than the finger changes its own. None where the
-    /// step has no solution.
+    /// ([`rosenbrock`]): where friction forgets speed, v/(µg), much faster than the finger changes its own. It begins with
+    /// what is [linearised](Self::linearised) there. None where the step has no solution.
     ///
     /// No error control, no events.
     #[must_use]
@@ -94,19 +95,20 @@ impl PushModel<'_> {
         time: f64,
         state: &State,
         dt: f64,
+        begin: &Linearised<4>,
     ) -> Option<State> {
-        stiff_step(self, contact, time, state, dt, self.linearised(contact, time, state))
+        stiff_step(self, contact, time, state, dt, begin)
     }
 
-    /// The rates with their derivatives by the state, and by the time, which only the finger's velocity knows.
-    fn linearised(&self, contact: &ContactMode, time: f64, state: &State) -> Linearised<4> {
+    /// The motion with its derivatives by the state, and by the time, which only the finger's velocity knows.
+    pub(in crate::pushing) fn linearised(&self, contact: &ContactMode, time: f64, state: &State) -> LinearisedMotion {
         let mut lifted = self.lifted::<Jet<5>>();
         let finger = &mut lifted.finger;
         finger.velocity0 = finger.velocity0.zip_map(&self.finger.acceleration, |velocity, acceleration| Jet {
             slopes: [0.0, 0.0, 0.0, 0.0, acceleration],
             ..velocity
         });
-        linearised(state, |state| lifted.motion(&contact.map(Jet::constant), time, state).rates)
+        LinearisedMotion::of(state, |state| lifted.motion(&contact.map(Jet::constant), time, state))
     }
 }
 
@@ -125,13 +127,18 @@ impl ShapedModel<'_> {
         time: f64,
         state: &State,
         dt: f64,
+        begin: &Linearised<4>,
     ) -> Option<State> {
+        stiff_step(self, contact, time, state, dt, begin)
+    }
+
+    /// [`PushModel::linearised`] of any two outlines.
+    pub(in crate::pushing) fn linearised(&self, contact: &ContactMode, time: f64, state: &State) -> LinearisedMotion {
         let mut lifted = self.lifted::<Jet<5>>();
         let by_time = |value: Jet<5>, rate: f64| Jet { slopes: [0.0, 0.0, 0.0, 0.0, rate], ..value };
         lifted.path.velocity0 = lifted.path.velocity0.zip_map(&self.path.acceleration, by_time);
         lifted.turning.rate0 = by_time(lifted.turning.rate0, self.turning.acceleration);
-        let linearised = linearised(state, |state| lifted.motion(&contact.map(Jet::constant), time, state).rates);
-        stiff_step(self, contact, time, state, dt, linearised)
+        LinearisedMotion::of(state, |state| lifted.motion(&contact.map(Jet::constant), time, state))
     }
 }
 
@@ -141,31 +148,43 @@ fn stiff_step(
     time: f64,
     state: &State,
     dt: f64,
-    linearised: Linearised<4>,
+    begin: &Linearised<4>,
 ) -> Option<State> {
     let at = |share: f64, components: &SVector<f64, 4>| {
         let state = State::from(Components::from(*components));
         SVector::from(Components::from(model.motion(contact, time + share * dt, &state).rates))
     };
-    let stepped = rosenbrock::step(&Components::from(*state).into(), dt, &linearised, at)?;
+    let stepped = rosenbrock::step(&Components::from(*state).into(), dt, begin, at)?;
     stepped.iter().all(|value| value.is_finite()).then(|| Components::from(stepped).into())
 }
 
-/// The rates with their derivatives by the state, and by the time as the fifth slope of what is given.
-fn linearised(state: &State, rates: impl Fn(&State<Jet<5>>) -> State<Jet<5>>) -> Linearised<4> {
-    let [u, s, omega, v_t] = Components::from(*state);
-    let state = State {
-        u: Jet::variable(u, 0),
-        s: Jet::variable(s, 1),
-        omega: Jet::variable(omega, 2),
-        v_t: Jet::variable(v_t, 3),
-    };
-    let State { u, s, omega, v_t } = rates(&state);
-    let rates = [u, s, omega, v_t];
-    Linearised {
-        rates: SVector::from(rates.map(|rate| rate.value)),
-        by_state: SMatrix::from_fn(|row, column| rates[row].slopes[column]),
-        by_time: SVector::from(rates.map(|rate| rate.slopes[4])),
+/// A motion, and what a stiff step begins with.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::pushing) struct LinearisedMotion {
+    pub(in crate::pushing) motion: Motion,
+    /// Its rates with their derivatives, in the order of a state's fields.
+    pub(in crate::pushing) begin: Linearised<4>,
+}
+
+impl LinearisedMotion {
+    /// Of a motion that has the derivatives by the time as its fifth slopes.
+    fn of(state: &State, motion: impl Fn(&State<Jet<5>>) -> Motion<Jet<5>>) -> Self {
+        let [u, s, omega, v_t] = Components::from(*state);
+        let state = State {
+            u: Jet::variable(u, 0),
+            s: Jet::variable(s, 1),
+            omega: Jet::variable(omega, 2),
+            v_t: Jet::variable(v_t, 3),
+        };
+        let motion = motion(&state);
+        let State { u, s, omega, v_t } = motion.rates;
+        let rates = [u, s, omega, v_t];
+        let begin = Linearised {
+            rates: SVector::from(rates.map(|rate| rate.value)),
+            by_state: SMatrix::from_fn(|row, column| rates[row].slopes[column]),
+            by_time: SVector::from(rates.map(|rate| rate.slopes[4])),
+        };
+        Self { motion: motion.plain(), begin }
     }
 }
 

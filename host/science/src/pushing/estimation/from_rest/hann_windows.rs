@@ -67,8 +67,11 @@ pub(crate) fn weights_at(time: f64, count: usize) -> impl Iterator<Item = (usize
 
 /// Share of a window's weight that is after a time.
 pub(crate) fn share_after(window: usize, time: f64) -> f64 {
-    let share = ((time - start(window)) / LENGTH_S).clamp(0.0, 1.0);
-    1.0 - share + (TAU * share).sin() / TAU
+    match (time - start(window)) / LENGTH_S {
+        share if share <= 0.0 => 1.0,
+        share if share >= 1.0 => 0.0,
+        share => 1.0 - share + (TAU * share).sin() / TAU,
+    }
 }
 
 /// Mean under a window of what is given on the grid.

@@ -16,10 +16,11 @@ use nalgebra::{Isometry2, Point2, Rotation2, Vector2};
 use super::symmetry::ROUND;
 use crate::math::Jet;
 use crate::math::ode::{self, Moment};
+use crate::math::rosenbrock::Linearised;
 use crate::pushing::dynamics::contact_mode::jams;
 use crate::pushing::dynamics::{
-    ContactLaw, ContactMode, EdgeEnd, FingerShape, Motion, Part, PartSide, Push, PushModel, RestError, RestStart,
-    ShapedModel, ShapedPush, Start, State, Turning,
+    ContactLaw, ContactMode, EdgeEnd, FingerShape, LinearisedMotion, Motion, Part, PartSide, Push, PushModel,
+    RestError, RestStart, ShapedModel, ShapedPush, Start, State, Turning,
 };
 use crate::pushing::finger_motion::Leg;
 
@@ -49,22 +50,20 @@ fn unit(side: &PartSide) -> f64 {
     }
 }
 
+/// Where among the components of a state the angular velocity is.
+const OMEGA: usize = 2;
+
+/// v_T.
+const V_T: usize = 3;
+
 /// A motion, and how what turns and slides settles in it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SettlingMotion {
     pub(super) motion: Motion,
     /// Derivatives of the accelerations of turning and sliding by their speeds, row by row, 1/s where lengths cancel.
     pub(super) settling: [[f64; 2]; 2],
-}
-
-/// Without derivatives.
-fn plain<const N: usize>(motion: &Motion<Jet<N>>) -> Motion {
-    let State { u, s, omega, v_t } = motion.rates;
-    Motion {
-        rates: State { u: u.value, s: s.value, omega: omega.value, v_t: v_t.value },
-        normal_force: motion.normal_force.value,
-        tangential_force: motion.tangential_force.value,
-    }
+    /// What an implicit step begins with, where that was asked for: in the outlines' own parameters.
+    pub(super) begin: Option<Linearised<4>>,
 }
 
 /// Where s may be on a side, m; without end on an ellipse.
@@ -264,12 +263,20 @@ impl<'p> PlayedModel<'p> {
         }
     }
 
-    /// The same of a part that hardly moves; none where the step has no solution.
-    pub(super) fn stiff_step(&self, contact: &ContactMode, time: f64, state: &State, dt: f64) -> Option<State> {
+    /// The same of a part that hardly moves, by what is [linearised](Self::linearised) at its start; none where the step has
+    /// no solution.
+    pub(super) fn stiff_step(
+        &self,
+        contact: &ContactMode,
+        time: f64,
+        state: &State,
+        dt: f64,
+        begin: &Linearised<4>,
+    ) -> Option<State> {
         match self {
-            Self::Edge(model) => model.stiff_step(contact, time, state, dt),
+            Self::Edge(model) => model.stiff_step(contact, time, state, dt, begin),
             Self::Shaped(shaped) => {
-                let after = shaped.model.stiff_step(contact, time, &shaped.own(state), dt)?;
+                let after = shaped.model.stiff_step(contact, time, &shaped.own(state), dt, begin)?;
                 Some(self.sought_near(state, &after))
             }
         }
@@ -291,21 +298,34 @@ impl<'p> PlayedModel<'p> {
             omega: Jet::variable(omega, 0),
             v_t: Jet::variable(v_t, 1),
         };
+        let contact = contact.map(Jet::constant);
+        let motion = match self {
+            Self::Edge(model) => model.lifted::<Jet<2>>().motion(&contact, time, &lifted),
+            Self::Shaped(shaped) => shaped.model.lifted::<Jet<2>>().motion(&contact, time, &lifted),
+        };
+        SettlingMotion {
+            motion: self.sought_motion(u, motion.plain()),
+            settling: [motion.rates.omega.slopes, motion.rates.v_t.slopes],
+            begin: None,
+        }
+    }
+
+    /// The same with what an implicit step begins with.
+    pub(super) fn linearised(&self, contact: &ContactMode, time: f64, state: &State) -> SettlingMotion {
+        let own = self.own(state);
+        let LinearisedMotion { motion, begin } = match self {
+            Self::Edge(model) => model.linearised(contact, time, &own),
+            Self::Shaped(shaped) => shaped.model.linearised(contact, time, &own),
+        };
+        let settling = [OMEGA, V_T].map(|of| [OMEGA, V_T].map(|by| begin.by_state[(of, by)]));
+        SettlingMotion { motion: self.sought_motion(own.u, motion), settling, begin: Some(begin) }
+    }
+
+    /// A motion in the numbers of a search, from one in the outlines' own parameters.
+    fn sought_motion(&self, own_u: f64, motion: Motion) -> Motion {
         match self {
-            Self::Edge(model) => {
-                let motion = model.lifted::<Jet<2>>().motion(&contact.map(Jet::constant), time, &lifted);
-                SettlingMotion {
-                    settling: [motion.rates.omega.slopes, motion.rates.v_t.slopes],
-                    motion: plain(&motion),
-                }
-            }
-            Self::Shaped(shaped) => {
-                let motion = shaped.model.lifted::<Jet<2>>().motion(&contact.map(Jet::constant), time, &lifted);
-                SettlingMotion {
-                    settling: [motion.rates.omega.slopes, motion.rates.v_t.slopes],
-                    motion: shaped.sought_motion(u, plain(&motion)),
-                }
-            }
+            Self::Edge(_) => motion,
+            Self::Shaped(shaped) => shaped.sought_motion(own_u, motion),
         }
     }
 

@@ -14,6 +14,8 @@
 //! Assumes: the contact stays on its edge's line. Frames: finger axes; forces are those on the finger's disk, per unit
 //! mass of the part. Units: SI. Errors: [`Lost`].
 
+use std::cell::LazyCell;
+
 use nalgebra::{Isometry2, Vector2};
 
 use super::felt::NumberOff;
@@ -89,7 +91,7 @@ pub(super) enum Resolution {
     /// Steps of the windows' grid: poses come out within a micrometre.
     Fine,
     /// Steps of a window's hop, implicit ones wherever what turns and slides settles within: forces come out within three
-    /// thousandths, three times as quickly. For a first look.
+    /// thousandths, three times as quickly. When the contact changes within a step is read off a cubic. For a first look.
     Coarse,
 }
 
@@ -392,10 +394,8 @@ impl<'p> Course<'p> {
         let model = |leg: &Leg| self.model(guess.edge, leg, mu_g).ok_or(Lost::Start);
         let first = model(&self.legs[0])?;
         let mut simulation = match self.start {
-            CourseStart::Rest => {
-                PathSimulation::begin(first, guess, &self.friction_along, REST_S.min(self.legs[0].to))?
-            }
-            CourseStart::Moving => PathSimulation::begin_moving(first, self.legs[0].from, guess, &self.friction_along)?,
+            CourseStart::Rest => PathSimulation::begin(self, first, guess)?,
+            CourseStart::Moving => PathSimulation::begin_moving(self, first, guess)?,
         };
         for (index, leg) in self.legs.iter().enumerate() {
             if leg.from >= self.duration - SAME_TIME_S {
@@ -406,7 +406,7 @@ impl<'p> Course<'p> {
             }
             let last = index + 1 == self.legs.len();
             let until = if last { self.duration } else { leg.to.min(self.duration) };
-            simulation.follow(until, self.resolution)?;
+            simulation.follow(until)?;
         }
         simulation.note_end();
         Ok(simulation.path)
@@ -484,6 +484,7 @@ struct PathSimulation<'a, 'p> {
     leg_from: f64,
     mu_c: f64,
     along: &'a FrictionAlong,
+    resolution: Resolution,
     time: f64,
     state: State,
     contact: ContactMode,
@@ -493,9 +494,10 @@ struct PathSimulation<'a, 'p> {
 }
 
 impl<'a, 'p> PathSimulation<'a, 'p> {
-    /// From rest, a short time later, s.
-    fn begin(model: PlayedModel<'p>, guess: &Guess, along: &'a FrictionAlong, later: f64) -> Result<Self, Lost> {
+    /// From rest, a short time later.
+    fn begin(course: &'a Course<'p>, model: PlayedModel<'p>, guess: &Guess) -> Result<Self, Lost> {
         let &Guess { u, s, mu_c, .. } = guess;
+        let (along, later) = (&course.friction_along, REST_S.min(course.legs[0].to));
         // At rest Coulomb's law decides whether the contact rolls or slips; the force must push.
         let friction = ContactFriction::same(mu_c * along.factor(s));
         let start = |contact: &ContactMode| model.rest_start(contact, u, s);
@@ -521,17 +523,15 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
             slipped: contact != ContactMode::Rolling,
             course: ModeCourse::of(&contact),
         };
-        let now = model.settling(&contact, later, &state);
-        Ok(Self { model, leg_from: 0.0, mu_c, along, time: later, state, contact, now, path })
+        // What hardly moves yet needs implicit steps.
+        let now = model.linearised(&contact, later, &state);
+        let resolution = course.resolution;
+        Ok(Self { model, leg_from: 0.0, mu_c, along, resolution, time: later, state, contact, now, path })
     }
 
-    fn begin_moving(
-        model: PlayedModel<'p>,
-        leg_from: f64,
-        guess: &Guess,
-        along: &'a FrictionAlong,
-    ) -> Result<Self, Lost> {
+    fn begin_moving(course: &'a Course<'p>, model: PlayedModel<'p>, guess: &Guess) -> Result<Self, Lost> {
         let &Guess { u, s, mu_c, omega, slide, .. } = guess;
+        let (along, leg_from) = (&course.friction_along, course.legs[0].from);
         let friction = ContactFriction::same(mu_c * along.factor(s));
         let mut state = State { u, s, omega, v_t: 0.0 };
         let rolling_v_t = model.rolling_v_t(-leg_from, &state);
@@ -563,7 +563,8 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
             slipped: contact != ContactMode::Rolling,
             course: ModeCourse::of(&contact),
         };
-        Ok(Self { model, leg_from, mu_c, along, time: 0.0, state, contact, now, path })
+        let resolution = course.resolution;
+        Ok(Self { model, leg_from, mu_c, along, resolution, time: 0.0, state, contact, now, path })
     }
 
     /// The friction at a place on the edge, m.
@@ -587,7 +588,8 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
 
     /// Sees what time, state and contact lead to, one of which has changed.
     fn look(&mut self) {
-        self.now = self.model.settling(&self.contact, self.time - self.leg_from, &self.state);
+        let is_linearised = self.now.begin.is_some();
+        self.now = seen(&self.model, &self.contact, self.time - self.leg_from, &self.state, is_linearised);
     }
 
     fn force(&self) -> Vector2<f64> {
@@ -596,7 +598,8 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
     }
 
     /// Goes on to a time, s.
-    fn follow(&mut self, until: f64, resolution: Resolution) -> Result<(), Lost> {
+    fn follow(&mut self, until: f64) -> Result<(), Lost> {
+        let resolution = self.resolution;
         while self.time < until - SAME_TIME_S {
             let next = self.path.smooth.len() + resolution.stride() - 1;
             let left = (hann_windows::GRID_S * as_f64(next) - self.time).min(until - self.time);
@@ -653,12 +656,18 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
         let (model, contact) = (self.model, self.contact_over(length));
         let rates =
             if contact == self.contact { self.now.motion } else { model.motion(&contact, local, &before) }.rates;
+        let begin = LazyCell::new(|| {
+            let seen = self.now.begin.filter(|_| contact == self.contact);
+            seen.or_else(|| model.linearised(&contact, local, &before).begin)
+        });
         let at = |length: f64| {
-            let settled = stiff.then(|| model.stiff_step(&contact, local, &before, length)).flatten();
+            let begin = stiff.then(|| begin.as_ref()).flatten();
+            let settled = begin.and_then(|begin| model.stiff_step(&contact, local, &before, length, begin));
             settled.unwrap_or_else(|| model.step(&contact, local, &before, &rates, length))
         };
         let after = at(length);
-        let there = model.settling(&self.contact, local + length, &after);
+        // After an implicit step the next is likely one too.
+        let there = seen(&model, &self.contact, local + length, &after, stiff);
         let Margin { left, needed } = match self.margin(local + length, &after, &there.motion) {
             Err(Lost::Contact) if length > LOST_S => return self.step(0.5 * length, stiff),
             margin => margin?,
@@ -673,9 +682,16 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
             }
             return Ok(());
         }
-        let left = |length: f64| {
-            let (time, after) = (local + length, at(length));
-            let margin = self.margin(time, &after, &model.motion(&self.contact, time, &after));
+        let within = |part: f64| {
+            if self.resolution == Resolution::Coarse && !stiff {
+                between([(&before, &rates), (&after, &there.motion.rates)], length, part / length)
+            } else {
+                at(part)
+            }
+        };
+        let left = |part: f64| {
+            let (time, within) = (local + part, within(part));
+            let margin = self.margin(time, &within, &model.motion(&self.contact, time, &within));
             margin.map_or(f64::NEG_INFINITY, |margin| margin.left)
         };
         let change = first_ended(left, length, CHANGE_SHARE * length);
@@ -735,6 +751,19 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
         let changes = self.path.jumps.iter().filter(|jump| !jump.is_of_finger).count();
         if changes > CHANGES_MAX { Err(Lost::Contact) } else { Ok(()) }
     }
+}
+
+/// The state at a share of a step of `length` s, of which states and rates at both ends are known: Hermite's cubic.
+fn between([(start, start_rates), (end, end_rates)]: [(&State, &State); 2], length: f64, share: f64) -> State {
+    let rest = 1.0 - share;
+    let bend =
+        (*end + *start * -1.0) * (1.0 - 2.0 * share) + *end_rates * (share * length) + *start_rates * (-rest * length);
+    *start * rest + *end * share + bend * (-share * rest)
+}
+
+/// What a contact leads to.
+fn seen(model: &PlayedModel, contact: &ContactMode, local: f64, state: &State, is_linearised: bool) -> SettlingMotion {
+    if is_linearised { model.linearised(contact, local, state) } else { model.settling(contact, local, state) }
 }
 
 fn as_f64(count: usize) -> f64 {
