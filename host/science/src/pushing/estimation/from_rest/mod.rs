@@ -75,8 +75,8 @@ use crate::pushing::finger_motion::FingerMotion;
 use crate::search::{Halt, Searched, Stop, never};
 
 /// Steps of every fit, by coarse steps of time, and how many times dearer than the best one a fit is given up after them, if
-/// it is also more than [`HOPELESS_COST`] above it. The last go on to the minimum.
-const STAGES: [(usize, f64); 3] = [(2, 30.0), (2, 3.0), (usize::MAX, 3.0)];
+/// it is also more than [`HOPELESS_COST`] above it. What leads nowhere shows after one. The last go on to the minimum.
+const STAGES: [(usize, f64); 3] = [(1, 30.0), (2, 3.0), (usize::MAX, 3.0)];
 
 /// The same before any step: of missed explanations the nearest guess was at most fifty times dearer.
 const HOPELESS_AT_FIRST: f64 = 100.0;
