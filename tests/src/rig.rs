@@ -3,7 +3,7 @@
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use palpate::finger::Samples;
 use palpate_device::session::SessionOptions;
@@ -99,6 +99,28 @@ pub fn peer_that_says(answer: Vec<u8>) -> SocketAddr {
                 let mut stream = stream;
                 let _ = stream.write_all(&answer);
                 let _ = std::io::copy(&mut stream, &mut std::io::sink());
+            });
+        }
+    });
+    address
+}
+
+/// Where a robot stands that tells a line each 10 ms, by the seconds since it was asked first.
+///
+/// # Panics
+/// If no port is to be had.
+#[must_use]
+pub fn robot_that_tells(line: impl Fn(f64) -> String + Clone + Send + 'static) -> SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
+    let address = listener.local_addr().expect("a bound port");
+    std::thread::spawn(move || {
+        for mut stream in listener.incoming().flatten() {
+            let line = line.clone();
+            std::thread::spawn(move || {
+                let begun = Instant::now();
+                while writeln!(stream, "{}", line(begun.elapsed().as_secs_f64())).is_ok() {
+                    std::thread::sleep(Duration::from_millis(10));
+                }
             });
         }
     });

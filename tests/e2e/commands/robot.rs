@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::{Arc, OnceLock};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use nalgebra::Point2;
 use palpate::finger::calibration::Calibration;
@@ -27,7 +27,7 @@ use palpate_device::simulated::robot::{RobotConfig, SimulatedRobot};
 use palpate_device::simulated::{Config, Line, LineFaults, LinkFaults, Pace, SimulatedDevice};
 use palpate_device::{LinkError, Session};
 use palpate_shared::sim::Faults;
-use palpate_tests::rig::peer_that_says;
+use palpate_tests::rig::{peer_that_says, robot_that_tells};
 
 /// Of the simulated finger: all of these tests use one.
 const SEED: u64 = 31;
@@ -179,6 +179,32 @@ fn a_finger_that_goes_to_a_part_stops_and_tells_where_and_how_it_presses() {
     assert_eq!(it.finger.go(Point2::new(0.02, 0.0), 0.05, false).unwrap(), Went::There);
 }
 
+/// What is due is due by the robot's clock.
+#[test]
+fn a_robot_whose_clock_does_not_go_on_by_seconds_is_told() {
+    let told = |line: fn(f64) -> String, until_s: f64| {
+        let mut link = RobotLink::open(&Address::Tcp(robot_that_tells(line).to_string()), Instant::now()).unwrap();
+        let begun = Instant::now();
+        while begun.elapsed().as_secs_f64() < until_s {
+            if let Err(error) = link.places() {
+                return Some(error);
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        None
+    };
+    // A clock of its own may begin anywhere, and run a little fast.
+    let well = told(|s| format!("{} 0 0", 1.05 * s + 7.0), 3.0);
+    assert!(well.is_none(), "{well:?}");
+    let wrong: [fn(f64) -> String; 3] =
+        [|_| "1.0 0 0".to_owned(), |s| format!("{} 0 0", 1e3 * s), |s| format!("{} 0 0", 9.0 - s)];
+    for line in wrong {
+        // Far longer than a look at the clock takes.
+        let error = told(line, 60.0).unwrap();
+        assert!(matches!(error, RobotError::Clock { .. }) && error.to_string().contains("went on by"), "{error}");
+    }
+}
+
 #[test]
 fn a_robot_that_falls_silent_hangs_up_or_says_something_else_is_told_apart() {
     // What goes wrong may be found while the first place is waited for.
@@ -200,6 +226,15 @@ fn a_robot_that_falls_silent_hangs_up_or_says_something_else_is_told_apart() {
     assert!(refuses.to_string().contains("the arm is off"), "{refuses}");
     let other = error(b"0.1 0 0\nHTTP/1.1 400 Bad Request\n");
     assert!(matches!(other, RobotError::NotARobot(_)) && other.to_string().contains("HTTP/1.1"), "{other}");
+    // Of what came before any place the line is told, whether or not it ended.
+    for (said, word) in
+        [(&b"hello\nworld\n"[..], "`world`"), (b"0.1 nan 0\n", "`0.1 nan 0`"), (b"0.1 0 0", "no line feed")]
+    {
+        let other = error(said);
+        assert!(matches!(other, RobotError::NotARobot(_)) && other.to_string().contains(word), "{other}");
+    }
+    let refuses = error(b"0.1 0 0\nerror \x1b[31mred\n");
+    assert!(!refuses.to_string().contains('\x1b'), "{refuses}");
     let nobody = RobotLink::open(&Address::Tcp("127.0.0.1:1".to_owned()), Instant::now());
     assert!(matches!(nobody, Err(RobotError::Link(LinkError::Open { .. }))));
 }

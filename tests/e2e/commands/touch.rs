@@ -7,7 +7,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use palpate_tests::rig::peer_that_says;
+use palpate_tests::rig::{peer_that_says, robot_that_tells};
 use serde_json::Value;
 
 use crate::PALPATE;
@@ -136,6 +136,28 @@ fn an_unknown_part_is_explored_into_a_file_by_which_it_is_found() {
     assert!(again.status.code() == Some(1) && text(&again.stderr).contains("is there"), "{}", text(&again.stderr));
 }
 
+/// An hour of touching is not lost.
+#[test]
+#[cfg(unix)]
+fn what_was_explored_until_it_is_interrupted_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("felt.toml");
+    let explore = ["touch", "--explore", "--touches", "5000", "--out", out.to_str().unwrap()];
+    let lies = ["-d", "sim:7", "--robot", "sim:", "--area-mm", "0,0,120,120"];
+    let mut child =
+        palpate(&[&explore[..], &lies].concat()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map_while(Result::ok);
+    let sigma_mm = |line: &str| line.split_once("known to ± ")?.1.strip_suffix(" mm")?.parse::<f64>().ok();
+    assert!(lines.any(|line| sigma_mm(&line).is_some_and(|sigma| sigma < 0.1)), "no outline");
+    crate::progress::interrupt(&child);
+    lines.for_each(drop);
+    let output = child.wait_with_output().unwrap();
+    let said = text(&output.stderr);
+    assert!(output.status.code() == Some(130) && said.contains("interrupted; the robot was stopped"), "{said}");
+    let file = std::fs::read_to_string(&out).unwrap();
+    assert!(said.contains("written to") && file.contains("outline_sigma = "), "{said}{file}");
+}
+
 #[test]
 fn a_touch_outside_of_the_area_ends_it() {
     let folder = tempfile::tempdir().unwrap();
@@ -172,6 +194,11 @@ fn what_cannot_be_begun_says_why() {
     let lost = peer_that_says(Vec::new());
     let said = with(&["--mass-kg", "1", "--robot", &format!("tcp:{lost}")]);
     assert!(said.contains("has told no place for") && said.contains("is the robot's program running"), "{said}");
+    let millimetres = robot_that_tells(|s| format!("{s} -100 -100"));
+    let said = with(&["--mass-kg", "1", "--robot", &format!("tcp:{millimetres}")]);
+    assert!(said.contains("141 m from where the part") && said.contains("lengths are in metres"), "{said}");
+    let said = with(&["--robot", "sim:", "--mass-kg", "1", "--force-limit", "0.05"]);
+    assert!(said.contains("above 0.05 N, before a touch begins at 0.1 N") && said.contains("--force-limit"), "{said}");
     let said = with(&["--robot", "sim:"]);
     assert!(said.contains("--mass-kg") && said.contains("--speed-mm-s"), "{said}");
     let said = with(&["--robot", "sim:", "--mass-kg", "0.001", "--motion-max-mm", "0.001"]);
@@ -182,7 +209,12 @@ fn what_cannot_be_begun_says_why() {
     assert!(said.contains("no part is simulated"), "{said}");
     let small = touch(&file, &["-d", "sim:1", "--robot", "sim:", "--mass-kg", "1", "--area-mm", "0,0,30,30"]);
     assert!(text(&small.stderr).contains("does not fit"), "{}", text(&small.stderr));
-    for wrong in [&["--area-mm", "0,0,1"][..], &["--area-mm", "0,0,0,5"], &["--force-limit", "0"]] {
+    for wrong in [
+        &["--area-mm", "0,0,1"][..],
+        &["--area-mm", "0,0,160,160", "--out", "felt.toml"],
+        &["--area-mm", "0,0,0,5"],
+        &["--force-limit", "0"],
+    ] {
         let output = touch(&file, &[&["--mass-kg", "1"], wrong].concat());
         assert_eq!(output.status.code(), Some(64), "{wrong:?}: {}", text(&output.stderr));
     }

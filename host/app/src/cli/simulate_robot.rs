@@ -59,8 +59,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "MM", default_value_t = 0.02, value_parser = not_negative)]
     robot_sd_mm: f64,
 
-    /// Where the robot begins
-    #[arg(long, value_name = "X,Y", default_value = "0,0", value_parser = super::touch_world::point_mm, allow_hyphen_values = true)]
+    /// Where the robot begins, beside the area
+    #[arg(long, value_name = "X,Y", default_value = "-40,-40", value_parser = super::touch_world::point_mm, allow_hyphen_values = true)]
     start_mm: Point2<f64>,
 }
 

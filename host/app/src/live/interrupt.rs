@@ -28,12 +28,12 @@ pub fn listen() {
             if let Some(at_end) = at_end {
                 REQUESTED.store(true, Ordering::Relaxed);
                 at_end();
-                std::process::exit(INTERRUPTED);
+                std::process::exit(INTERRUPTED.into());
             }
             if REQUESTED.swap(true, Ordering::Relaxed) {
                 terminal::restore();
                 progress::clear();
-                std::process::exit(INTERRUPTED);
+                std::process::exit(INTERRUPTED.into());
             }
         });
         if let Err(error) = installed {
@@ -62,7 +62,7 @@ pub fn wish_again() {
 }
 
 /// Exit status of a process that an interruption ended: what shells give for a signal 2.
-const INTERRUPTED: i32 = 130;
+pub const INTERRUPTED: u8 = 130;
 
 /// The wish to stop, from somewhere else than a signal.
 pub fn request() {

@@ -26,6 +26,14 @@ use crate::transport::{Address, BAUD_FALLBACK, Transport};
 /// A robot that tells no place for so long is lost. It is to tell twenty a second; a busy computer pauses less.
 pub const ROBOT_SILENCE: Duration = Duration::from_millis(500);
 
+/// The robot's clock is held against the host's over so long, twice in a row: twice as long as a place may be under way. A host
+/// that pauses sees it too slow and then, as it reads what came meanwhile, too fast.
+const CLOCK_LOOK: Duration = Duration::from_secs(1);
+
+/// Meanwhile it may go on by so many times as much, at the least and at the most: places come late by [`ROBOT_SILENCE`] at the most,
+/// which is half of that time.
+const CLOCK_RATES: [f64; 2] = [0.4, 2.5];
+
 /// Places that are kept for whoever asks: four seconds of a robot that tells a thousand a second.
 const PLACES_KEPT: usize = 4096;
 
@@ -42,6 +50,16 @@ pub enum RobotError {
         address: String,
         /// For how long.
         silence: Duration,
+    },
+    /// Its clock is not one of seconds.
+    #[error("the robot at {address} tells times that went on by {robot_s:.3} s in {host_s:.1} s")]
+    Clock {
+        /// What it was opened as.
+        address: String,
+        /// How far its own clock went on, s.
+        robot_s: f64,
+        /// And the host's, s.
+        host_s: f64,
     },
     /// The link broke.
     #[error("the link to the robot at {address} broke: {reason}")]
@@ -65,6 +83,12 @@ struct Heard {
     places: VecDeque<(RobotPlace, Instant)>,
     clock: ClockMap,
     last: Instant,
+    /// A place with which later ones are compared.
+    since: Option<(RobotPlace, Instant)>,
+    /// Whether its clock went on too fast when last looked at; none where it did well.
+    too_fast: Option<bool>,
+    /// What came and is no line of a robot, before the first place: a line that was begun before the link was opened is cut.
+    unread: Option<RobotLineError>,
     /// The first thing that went wrong.
     wrong: Option<RobotError>,
 }
@@ -108,7 +132,7 @@ impl RobotLink {
         let reading = transport.second().map_err(broken)?;
         writeln!(transport, "{}", RobotOrder::Where).map_err(broken)?;
         let now = Instant::now();
-        let heard = Heard { places: VecDeque::new(), clock: ClockMap::default(), last: now, wrong: None };
+        let heard = Heard::new(now);
         let (heard, ended) = (Arc::new(Mutex::new(heard)), Arc::new(AtomicBool::new(false)));
         let thread = {
             let (heard, ended, address) = (Arc::clone(&heard), Arc::clone(&ended), address.to_string());
@@ -134,7 +158,7 @@ impl RobotLink {
     }
 
     fn without_line(address: &str, epoch: Instant, out: Out) -> Self {
-        let heard = Heard { places: VecDeque::new(), clock: ClockMap::default(), last: epoch, wrong: None };
+        let heard = Heard::new(epoch);
         let (heard, ended) = (Arc::new(Mutex::new(heard)), Arc::new(AtomicBool::new(false)));
         Self { address: address.to_owned(), epoch, out, heard, ended, thread: None }
     }
@@ -170,6 +194,9 @@ impl RobotLink {
         }
         let silence = heard.last.elapsed();
         if silence > ROBOT_SILENCE {
+            if let Some(unread) = heard.unread.take() {
+                return Err(unread.into());
+            }
             return Err(RobotError::Silent { address: self.address.clone(), silence });
         }
         Ok(heard.places.drain(..).collect())
@@ -240,6 +267,8 @@ fn listen(mut transport: Transport, heard: &Mutex<Heard>, ended: &AtomicBool, ad
         cutter.take(&buffer[..length], |line| match line.and_then(RobotLine::parse) {
             Ok(RobotLine::Place(place)) => {
                 heard.last = now;
+                heard.since.get_or_insert((place, now));
+                heard.unread = None;
                 heard.clock.arrived(place.t, now.saturating_duration_since(epoch).as_secs_f64());
                 if heard.places.len() == PLACES_KEPT {
                     heard.places.pop_front();
@@ -247,16 +276,50 @@ fn listen(mut transport: Transport, heard: &Mutex<Heard>, ended: &AtomicBool, ad
                 heard.places.push_back((place, now));
             }
             Ok(RobotLine::Error(words)) => drop(heard.wrong.get_or_insert(RobotError::Refused(words))),
-            // A line that was begun before the link was opened is cut.
-            Err(_) if heard.places.is_empty() && heard.last <= now && !heard.seen() => {}
+            Err(error) if !heard.seen() => heard.unread = Some(error),
             Err(error) => drop(heard.wrong.get_or_insert(error.into())),
         });
+        if !heard.seen() {
+            heard.unread = cutter.begun().or(heard.unread.take());
+        }
+        heard.look_at_clock(address);
     }
 }
 
 impl Heard {
+    /// Nothing yet, at a time.
+    fn new(now: Instant) -> Self {
+        Self {
+            places: VecDeque::new(),
+            clock: ClockMap::default(),
+            last: now,
+            since: None,
+            too_fast: None,
+            unread: None,
+            wrong: None,
+        }
+    }
+
+    /// Whether the robot's clock goes on as the host's does, for what is due is due by it.
+    fn look_at_clock(&mut self, address: &str) {
+        let Some(&last) = self.places.back() else { return };
+        let Some((place, arrived)) = self.since else { return };
+        let (robot_s, host_s) = (last.0.t - place.t, last.1.saturating_duration_since(arrived));
+        if host_s < CLOCK_LOOK {
+            return;
+        }
+        self.since = Some(last);
+        let host_s = host_s.as_secs_f64();
+        let [least, most] = CLOCK_RATES;
+        let well = (least * host_s..=most * host_s).contains(&robot_s);
+        let before = std::mem::replace(&mut self.too_fast, (!well).then_some(robot_s > host_s));
+        if !well && before == self.too_fast {
+            self.wrong.get_or_insert(RobotError::Clock { address: address.to_owned(), robot_s, host_s });
+        }
+    }
+
     /// Whether any place has come.
     fn seen(&self) -> bool {
-        self.clock.estimate().is_some()
+        self.since.is_some()
     }
 }

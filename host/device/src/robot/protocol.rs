@@ -63,7 +63,12 @@ pub struct RobotLineError {
 }
 
 fn wrong(line: &str, reason: &'static str) -> RobotLineError {
-    RobotLineError { line: line.chars().take(LINE_BYTES_MAX).collect(), reason }
+    RobotLineError { line: printable(line).chars().take(LINE_BYTES_MAX).collect(), reason }
+}
+
+/// Without what would move a terminal's cursor or colour its text.
+fn printable(text: &str) -> String {
+    text.chars().map(|each| if each.is_control() { char::REPLACEMENT_CHARACTER } else { each }).collect()
 }
 
 /// As many numbers as asked for.
@@ -85,7 +90,7 @@ impl RobotLine {
     pub fn parse(line: &str) -> Result<Self, RobotLineError> {
         let words: Vec<_> = line.split_ascii_whitespace().collect();
         if words.first() == Some(&"error") {
-            return Ok(Self::Error(words[1..].join(" ")));
+            return Ok(Self::Error(printable(&words[1..].join(" "))));
         }
         let [t, x, y] = numbers(line, &words)?;
         Ok(Self::Place(RobotPlace { t, at: Point2::new(x, y) }))
@@ -136,6 +141,12 @@ pub struct LineCutter {
 }
 
 impl LineCutter {
+    /// What has come of a line that has not ended, as one that does not.
+    pub(super) fn begun(&self) -> Option<RobotLineError> {
+        let text = String::from_utf8_lossy(&self.begun);
+        (!self.begun.is_empty()).then(|| wrong(text.trim(), "no line feed ends it"))
+    }
+
     /// Takes bytes; hands on each line that they end.
     pub fn take(&mut self, bytes: &[u8], mut line: impl FnMut(Result<&str, RobotLineError>)) {
         for &byte in bytes {

@@ -58,6 +58,14 @@ pub(crate) enum CarryError {
         /// The disk's centre, m.
         at: Point2<f64>,
     },
+    /// So far away that it counts in another unit.
+    #[error("the robot says that it is at ({:.1}, {:.1}) m, {off_m:.0} m from where the part is said to be", at.x, at.y)]
+    FarAway {
+        /// The disk's centre, m.
+        at: Point2<f64>,
+        /// How far, m.
+        off_m: f64,
+    },
     /// Nobody types any more.
     #[error("nobody is at the keyboard any more")]
     Nobody,
@@ -108,6 +116,7 @@ const COMPLIANCE_LOG_SD: f64 = 0.1;
 impl Speeds {
     /// For a part that may be any of these.
     pub(crate) fn of(motion: &MotionArguments, files: &[PolygonFile], mass: Option<f64>) -> miette::Result<Self> {
+        motion.check_limit()?;
         let limits = motion.limits();
         let held =
             |mass: f64| files.iter().map(move |file| Holding::of_part(&file.part, file.mu * mass * GRAVITY_ASSUMED));
@@ -145,6 +154,7 @@ impl Speeds {
 
     /// For a part that is held still, whatever it is.
     pub(super) fn held(motion: &MotionArguments) -> miette::Result<Self> {
+        motion.check_limit()?;
         let limits = motion.limits();
         let fastest = limits.speed_for(LIMIT_SHARE * motion.force_limit / limits.stiffness);
         let Some(approach) = motion.speed_mm_s.map(|speed| speed * 1e-3).or(fastest.map(|most| most.min(SPEED_MAX)))
@@ -216,6 +226,19 @@ impl MotionArguments {
         }
     }
 
+    /// A touch is to be felt before the robot is stopped.
+    fn check_limit(&self) -> miette::Result<()> {
+        if self.touch_force < self.force_limit {
+            return Ok(());
+        }
+        Err(miette::miette!(
+            help = "allow more (--force-limit), or feel less (--touch-force)",
+            "the robot is stopped above {} N, before a touch begins at {} N",
+            self.force_limit,
+            self.touch_force
+        ))
+    }
+
     /// A speed (m/s) with which the finger presses (N) above the limit is refused.
     fn check_force(&self, approach: f64, force: f64) -> miette::Result<()> {
         if force <= self.force_limit {
@@ -278,6 +301,15 @@ impl RobotCarrier {
             Went::CameFree => Err(CarryError::Outside { at: self.finger.place()? }),
         }
     }
+}
+
+/// No arm begins farther from what it touches, m: one that tells millimetres for metres does.
+const FAR_M: f64 = 20.0;
+
+/// Refuses a robot at a place that is far from where the part is.
+pub(super) fn check_unit(area: [Point2<f64>; 2], at: Point2<f64>) -> Result<(), CarryError> {
+    let off_m = outside(area, at);
+    if off_m > FAR_M { Err(CarryError::FarAway { at, off_m }) } else { Ok(()) }
 }
 
 /// By how much a place is outside of a rectangle, m.
@@ -470,8 +502,10 @@ pub(crate) fn advice(error: &CarryError) -> Option<String> {
             "does the part rock or spring? Come slower (--speed-mm-s), or feel less (--touch-force)"
         }
         CarryError::BeginsInside { .. } => {
-            "move the finger beside --area-mm, by its radius and 2 mm at least, before you begin"
+            "move the finger beside --area-mm, by its radius and 2 mm at least, before you begin; `palpate simulate-robot` begins where \
+             --start-mm says"
         }
+        CarryError::FarAway { .. } => "lengths are in metres (docs/ROBOT.md): does it tell millimetres?",
         CarryError::Nobody => return None,
     };
     Some(words.to_owned())
@@ -481,6 +515,9 @@ fn guided(error: &GuidedError) -> Option<String> {
     let words = match error {
         GuidedError::Robot(RobotError::Silent { .. } | RobotError::Broken { .. }) => {
             "is the robot's program running? It must stop by itself when its line breaks; look before you begin anew"
+        }
+        GuidedError::Robot(RobotError::Clock { .. }) => {
+            "T is a time in seconds by a clock that goes on, in every line (docs/ROBOT.md)"
         }
         GuidedError::Robot(RobotError::NotARobot(_)) => "docs/ROBOT.md says what a robot sends",
         GuidedError::Robot(RobotError::Link(error)) => return crate::advice::help(error),

@@ -16,6 +16,7 @@ use super::told::{EXIT_OPEN, Told, after};
 use super::{Arguments, Ground, Sought, locate};
 use crate::cli::positive;
 use crate::cli::touch_world::{five_corners, read_part};
+use crate::live::interrupt;
 use crate::pictures::plot::{Colour, Figure, Fill, Key, PlotScene, Stroke, Style};
 use crate::pictures::touch::TouchLeft;
 use crate::width::folded;
@@ -35,15 +36,15 @@ pub(super) struct ExplorationArguments {
     explore: bool,
 
     /// Write it to this part file, in the robot's frame
-    #[arg(long, value_name = "PART.toml", requires = "explore")]
+    #[arg(long, value_name = "PART.toml", requires = "explore", conflicts_with_all = ["part", "library"])]
     out: Option<PathBuf>,
 
     /// Touch it so often
-    #[arg(long, value_name = "N", default_value_t = 60, requires = "explore")]
+    #[arg(long, value_name = "N", default_value_t = 60, conflicts_with_all = ["part", "library"])]
     touches: usize,
 
     /// Friction between part and table for that file: touches do not tell it
-    #[arg(long, value_name = "MU", default_value_t = 0.3, value_parser = positive, requires = "explore")]
+    #[arg(long, value_name = "MU", default_value_t = 0.3, value_parser = positive, conflicts_with_all = ["part", "library"])]
     mu: f64,
 }
 
@@ -68,10 +69,16 @@ pub(super) fn run(arguments: &Arguments, told: Told) -> miette::Result<ExitCode>
         touches: exploration.touches,
     };
     let most = arguments.approaches_max.unwrap_or(APPROACHES_A_TOUCH * exploration.touches);
-    let status = locate(&mut sought, carrier.as_mut(), told, most, &mut Vec::new())?;
-    let Some(found) = sought.exploration.outline() else { return Ok(status) };
-    write(out, &found, &sought.exploration, exploration.mu)?;
-    arguments.plot.draw(|| Ok(figure(&found, &sought.exploration)))?;
+    let ended = locate(&mut sought, carrier.as_mut(), told, most, &mut Vec::new());
+    let Some(found) = sought.exploration.outline() else { return ended };
+    // Up to where it ended early, too: what was felt is not lost.
+    let written = write(out, &found, &sought.exploration, exploration.mu)
+        .and_then(|()| arguments.plot.draw(|| Ok(figure(&found, &sought.exploration))));
+    let status = ended?;
+    match written {
+        Err(error) if interrupt::requested() => note!("nothing is written: {error}; what was touched is no part yet"),
+        written => written?,
+    }
     Ok(status)
 }
 

@@ -22,10 +22,12 @@ use super::plot::PlotArguments;
 use super::touch_world::{Area, area_mm, pose_mm, read_part};
 use super::{not_negative, positive};
 use crate::advice::Advise as _;
+use crate::live::guided::GuidedError;
+use crate::live::interrupt;
 use crate::pictures::touch::{TouchLeft, TouchPicture, TouchStep};
 use crate::progress::Progress;
 pub(crate) use carriers::advice;
-use carriers::{Carrier, Speeds};
+use carriers::{Carrier, CarryError, Speeds};
 use told::{SoughtPart, Told};
 
 const LONG_HELP: &str = "\
@@ -48,7 +50,8 @@ sides are taken to go on straight.
 outline that was found.
 
 Exit status: 0 if one pose is left, or several that no touch can tell apart; 1 if something cannot be used or was lost; 2 if no
-pose of any part fits what was felt; 3 if too many approaches left it open; 64 wrong command line.";
+pose of any part fits what was felt; 3 if too many approaches left it open; 130 if it was interrupted: the robot was then stopped,
+and with --explore what was felt so far is written; 64 wrong command line.";
 
 /// Finds where a known part lies by touching it.
 ///
@@ -291,7 +294,13 @@ pub(super) fn locate(
             return sought.end(told, number - 1, is_given_up).map(ExitCode::from);
         };
         told.next(number, &next);
-        let met = carrier.make(sought.ground(), &next, sought.has_touched()).advised()?;
+        let met = match carrier.make(sought.ground(), &next, sought.has_touched()) {
+            Err(interrupted @ CarryError::Guided(GuidedError::Interrupted)) => {
+                note!("{interrupted}");
+                return Ok(ExitCode::from(interrupt::INTERRUPTED));
+            }
+            met => met.advised()?,
+        };
         sought.take(&next, &met);
         told.met(sought, number, &next, &met);
         let (words, left) = sought.left();

@@ -19,14 +19,14 @@ use palpate_device::simulated::{Config, Line, Pace, SimulatedDevice};
 use palpate_device::{Address, Session};
 use palpate_files::part::PolygonFile;
 
-use super::carriers::{AVERAGE_S, Carrier, CarryError, PersonCarrier, RobotCarrier, Speeds};
+use super::carriers::{AVERAGE_S, Carrier, CarryError, PersonCarrier, RobotCarrier, Speeds, check_unit};
 use super::explore::HELD_MASS;
 use super::{Arguments, MotionArguments};
 use crate::advice::Advise as _;
 use crate::cli::simulate_device::lines_of_input;
 use crate::cli::touch_world::{MU_C, anywhere, simulated};
 use crate::live;
-use crate::live::guided::GuidedFinger;
+use crate::live::guided::{GuidedError, GuidedFinger};
 use crate::live::interrupt;
 use crate::live::listening::ListeningFinger;
 use crate::recording;
@@ -113,8 +113,7 @@ impl Arguments {
             return Err(miette::miette!(help = "with --robot sim: it is", "no part is simulated here"));
         }
         // A robot that is not there is said before anything is asked of the finger.
-        let robot = robot.map(|address| RobotLink::open(&address, Instant::now())).transpose();
-        let robot = robot.map_err(|error| CarryError::Guided(error.into())).advised()?;
+        let robot = robot.map(|address| self.robot(&address)).transpose().advised()?;
         let session = self.finger.device.open(false)?;
         let calibration = self.finger.calibration.require(&session)?;
         let finger = self.motion.listening(session, calibration, self.tare, self.finger.offset.is_checked())?;
@@ -122,6 +121,14 @@ impl Arguments {
             Some(robot) => Box::new(self.motion.guided(finger, robot, *speeds)),
             None => Box::new(PersonCarrier::new(finger, *speeds, Some(lines_of_input()?))),
         })
+    }
+
+    /// The robot at an address.
+    fn robot(&self, address: &Address) -> Result<RobotLink, CarryError> {
+        let mut link = RobotLink::open(address, Instant::now()).map_err(GuidedError::from)?;
+        let at = link.place().map_err(GuidedError::from)?.at;
+        check_unit(self.area_mm.0, at)?;
+        Ok(link)
     }
 
     /// Who moved the finger when it was recorded.
