@@ -57,7 +57,11 @@ pub(super) fn read(bytes: &[u8], request: &Request) -> Result<Drawn, ShapeError>
     let triangles: Vec<_> = corners.iter().map(|facet| facet.map(stand)).collect();
     let mesh = Mesh::new(&triangles).map_err(|error| {
         let facet = match error {
-            MeshError::Open { facet, .. } | MeshError::NotFinite { facet } => Some(facet),
+            MeshError::Open { facet, .. }
+            | MeshError::NotFinite { facet }
+            | MeshError::Overlap { facet, .. }
+            | MeshError::Inside { facet }
+            | MeshError::InsideOut { facet } => Some(facet),
             _ => None,
         };
         let line = facet.and_then(|facet| lines.get(facet).copied());
@@ -208,12 +212,15 @@ fn outline(
         return Err(ShapeError::HeightBeside { height: height * 1e3, top: (high - low) * 1e3 });
     };
     // What lies in a hole is no neighbour, but there is none without the hole.
-    if let Some(other) = loops[1..].iter().find(|outline| signed_area(outline) > 0.0 && !contains(outer, outline[0])) {
+    let hole = loops[1..].last().filter(|outline| signed_area(outline) < 0.0);
+    let is_beside =
+        |outline: &&Vec<Point2<f64>>| signed_area(outline) > 0.0 && (hole.is_none() || !contains(outer, outline[0]));
+    if let Some(other) = loops[1..].iter().find(is_beside) {
         let count = loops.iter().filter(|outline| signed_area(outline) > 0.0).count();
         let first = format!("{what}, {}", size(outer));
         return Err(ShapeError::Several { count, first, second: size(other) });
     }
-    if let (Some(hole), false) = (loops[1..].last(), request.fills_holes) {
+    if let (Some(hole), false) = (hole, request.fills_holes) {
         return Err(ShapeError::Hole { place: format!("in {what}, {}", size(hole)), of: None });
     }
     let (kept, error) = if outer.len() > 20 * VERTICES_MAX {

@@ -474,6 +474,17 @@ fn what_is_no_part_of_a_solid_is_named() {
     let beside: Vec<_> =
         prism(&block, [0.0, 20.0]).iter().map(|facet| facet.map(|[x, y, z]| [x + 90.0, y, z])).collect();
     assert!(message(&[facets.clone(), beside].concat(), Height::Slice(0.01)).contains("2 outlines"));
+    let moved = |[x, y, z]: [f64; 3]| -> Vec<_> {
+        facets.iter().map(|facet| facet.map(|[a, b, c]| [a + x, b + y, c + z])).collect()
+    };
+    for at in [[0.0; 3], [25.0, 0.0, 0.0], [20.0, 10.0, 18.0]] {
+        for height in [Height::Shadow, Height::Slice(0.005), Height::Slice(0.019)] {
+            let twice = message(&[facets.clone(), moved(at)].concat(), height);
+            assert!(twice.contains("would weigh twice"), "{at:?}, {height:?}: {twice}");
+        }
+    }
+    // Bodies that touch are two in a slice, and no hole.
+    assert!(message(&[facets.clone(), moved([60.0, 5.0, 1.0])].concat(), Height::Slice(0.01)).contains("2 outlines"));
     let ask = Request { height: None, ..solid(Height::Shadow) };
     let asked = draw(stl_text(&facets).as_bytes(), &ask).unwrap_err().to_string();
     assert!(asked.contains("20.000 high") && asked.contains("`height`") && asked.contains("shadow"), "{asked}");

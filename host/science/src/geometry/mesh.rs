@@ -1,11 +1,14 @@
 //! A solid by its surface of triangles: what it weighs, its outline at a height, and what it stands on.
 //!
 //! [`Mesh::new`] is the only way to one: every edge of the surface is passed as often one way as the other, so the surface
-//! is closed and volume, centre of mass and slices are those of a solid. A surface that is inside out is turned.
+//! is closed, and closed bodies in one file have no room in common ([`bodies`]), so volume, centre of mass and slices are those of
+//! a solid. A surface that is inside out is turned. That one body does not cut through itself is not checked.
 //!
 //! Implements: volume, first and second moments by sums over the tetrahedra from one corner to each facet.
 //! Frames: x and y of the table, z up. Units: m. A slice goes counter-clockwise round material, clockwise round holes.
 //! Errors: [`MeshError`].
+
+mod bodies;
 
 use std::collections::HashMap;
 
@@ -59,6 +62,28 @@ pub enum MeshError {
     /// A surface that encloses nothing.
     #[error("the mesh encloses no volume: it is a sheet, not a solid")]
     NoVolume,
+    /// Bodies with room in common, which would weigh twice.
+    #[error(
+        "closed bodies of the mesh overlap, at facet {facet} and facet {other}: what they share would weigh twice; join them in the CAD program"
+    )]
+    Overlap {
+        /// A facet of one.
+        facet: usize,
+        /// A facet of the other.
+        other: usize,
+    },
+    /// A body within another that is no cavity.
+    #[error("the closed body of facet {facet} is inside another: it would weigh twice; join them in the CAD program")]
+    Inside {
+        /// A facet of the inner one.
+        facet: usize,
+    },
+    /// A body of less than nothing.
+    #[error("the closed body of facet {facet} is inside out: repair the mesh")]
+    InsideOut {
+        /// A facet of it.
+        facet: usize,
+    },
 }
 
 /// A part of what a solid stands on.
@@ -117,6 +142,7 @@ impl Mesh {
         if volume < 0.0 {
             mesh.facets.iter_mut().for_each(|facet| facet.swap(1, 2));
         }
+        mesh.check_apart(&places)?;
         Ok(mesh)
     }
 
@@ -466,6 +492,61 @@ mod tests {
         // A corner at the height of the slice counts as above.
         let area = signed_area(&Mesh::new(&block).unwrap().slice(0.02)[0]);
         assert!((area - 3.6e-3).abs() < 1e-12);
+    }
+
+    /// A block of sides from `low` to `high`, m.
+    fn block(low: [f64; 3], high: [f64; 3]) -> Vec<[Point3<f64>; 3]> {
+        let outline = [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]].map(Point2::from);
+        prism(&outline, outline[0] + (outline[2] - outline[0]) / 2.0, [low[2], high[2]])
+    }
+
+    #[test]
+    fn bodies_that_overlap_are_refused_however_they_lie() {
+        let plate = block([0.0; 3], [0.09, 0.05, 0.01]);
+        let with = |other: Vec<[Point3<f64>; 3]>| Mesh::new(&[plate.clone(), other].concat());
+        let overlaps =
+            |found: Result<Mesh, MeshError>| matches!(found, Err(MeshError::Overlap { .. } | MeshError::Inside { .. }));
+        for (what, other) in [
+            ("the same again", plate.clone()),
+            ("moved along its length", block([0.04, 0.0, 0.0], [0.13, 0.05, 0.01])),
+            ("moved by a hundredth of a millimetre", block([1e-5, 0.0, 0.0], [0.09001, 0.05, 0.01])),
+            ("a boss sunk by 2 mm", block([0.02, 0.01, 0.008], [0.06, 0.03, 0.02])),
+            ("within, the same way round", block([0.02, 0.01, 0.003], [0.06, 0.03, 0.006])),
+            ("within, on its floor", block([0.02, 0.01, 0.0], [0.06, 0.03, 0.006])),
+            ("around", block([-0.01; 3], [0.1, 0.1, 0.1])),
+            ("a rod through it", block([0.02, 0.02, -0.03], [0.021, 0.021, 0.03])),
+        ] {
+            assert!(overlaps(with(other)), "{what}");
+        }
+        // Rods that cross between all their corners' heights.
+        let rod = |lean: f64| -> Vec<_> {
+            let upright = block([-0.002, -0.002, -0.05], [0.002, 0.002, 0.05]);
+            upright.iter().map(|facet| facet.map(|p| Point3::new(p.x + lean * p.z, p.y, p.z))).collect()
+        };
+        assert!(overlaps(Mesh::new(&[rod(1.0), rod(-1.0)].concat())));
+    }
+
+    #[test]
+    fn bodies_that_touch_lie_apart_or_are_cavities_are_taken() {
+        let plate = block([0.0; 3], [0.09, 0.05, 0.01]);
+        let volume = |other: Vec<[Point3<f64>; 3]>| Mesh::new(&[plate.clone(), other].concat()).unwrap().volume() * 1e6;
+        for (what, other, cubic_cm) in [
+            ("on it", block([0.02, 0.01, 0.01], [0.06, 0.03, 0.02]), 53.0),
+            ("on it, at its edge", block([0.0, 0.0, 0.01], [0.06, 0.05, 0.02]), 75.0),
+            ("the same on it", block([0.0, 0.0, 0.01], [0.09, 0.05, 0.02]), 90.0),
+            ("beside it", block([0.09, 0.0, 0.0], [0.18, 0.05, 0.01]), 90.0),
+            ("corner to corner", block([0.09, 0.05, 0.01], [0.1, 0.06, 0.02]), 46.0),
+            ("away", block([0.2, 0.0, 0.0], [0.29, 0.05, 0.01]), 90.0),
+        ] {
+            assert!((volume(other) - cubic_cm).abs() < 1e-6, "{what}");
+        }
+        let mut cavity = block([0.02, 0.01, 0.003], [0.06, 0.03, 0.006]);
+        cavity.iter_mut().for_each(|facet| facet.swap(1, 2));
+        assert!((volume(cavity.clone()) - 42.6).abs() < 1e-6);
+        // The same beside the plate encloses less than nothing.
+        cavity.iter_mut().flatten().for_each(|p| p.x += 0.1);
+        let found = Mesh::new(&[plate.clone(), cavity].concat());
+        assert!(matches!(found, Err(MeshError::InsideOut { facet: 16..32 })), "{found:?}");
     }
 
     #[test]
