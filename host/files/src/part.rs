@@ -116,6 +116,12 @@ impl DescribedPart {
         Keys::nothing(unit).drawn_polygon(drawn)
     }
 
+    /// What is possible about the part, but rarely so.
+    #[must_use]
+    pub fn doubts(&self) -> Vec<Doubt> {
+        doubts(&self.outline(), self.body(), 0.0, None)
+    }
+
     /// What the part rests on, and its mass.
     #[must_use]
     pub fn body(&self) -> &Body {
@@ -441,7 +447,7 @@ impl std::fmt::Display for Doubt {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match *self {
             Self::Size { extent } => {
-                write!(f, "the part is {} across: is `unit` the unit of its vertices?", length(extent))
+                write!(f, "the part is {} across: is its unit right?", length(extent))
             }
             Self::Friction { key, value } => {
                 write!(f, "{key} = {value}: clean dry rubber has about 1; is it in per cent, or an angle?")

@@ -22,6 +22,8 @@ use palpate_files::mcap::McapError;
 use palpate_files::part::PartFileError;
 use palpate_files::recordings::ReadError;
 use palpate_files::recordings::stamped::StampedError;
+use palpate_files::scene::SceneFileError;
+use palpate_files::shapes::ShapeError;
 use palpate_files::views;
 
 use crate::live::LiveError;
@@ -108,9 +110,51 @@ fn files(error: &(dyn Error + 'static)) -> Option<String> {
             _ => None,
         };
     }
+    if let Some(error) = error.downcast_ref() {
+        return outline(error, true);
+    }
+    if let Some(SceneFileError::Drawing { error, .. }) = error.downcast_ref() {
+        return outline(error, false);
+    }
+    if let Some(views::ViewFileError::Drawing(error)) = error.downcast_ref() {
+        return outline(error, false);
+    }
     match error.downcast_ref()? {
+        PartFileError::Drawing(error) => outline(error, false),
         PartFileError::Supports { .. } => {
             Some("`palpate which-part` tells which it is; for anything else leave one, as `feet` or without".to_owned())
+        }
+        _ => None,
+    }
+}
+
+/// Help about an outline from CAD, which the command line or a file that names it asks for.
+fn outline(error: &ShapeError, is_command_line: bool) -> Option<String> {
+    let tell = |option: &str, keys: &str| match is_command_line {
+        true => format!("tell {option}; in a part file it is {keys}"),
+        false => format!("say {keys} in the table `outline`"),
+    };
+    let by_hand = |what: &str, option: &str, keys: &str| format!("{what}, or {}", tell(option, keys));
+    match error {
+        ShapeError::UnitMissing { file, .. } => Some(match is_command_line {
+            true => format!(
+                "tell --unit mm (m, cm, mm or in); in a part file it is `outline = {{ file = {file:?}, unit = \"mm\" }}`"
+            ),
+            false => format!("say it: `outline = {{ file = {file:?}, unit = \"mm\" }}` (m, cm, mm or in)"),
+        }),
+        ShapeError::HeightMissing { .. } => Some(tell(
+            "--height-mm, the height at which the finger touches it, or --shadow",
+            "`height` or `shadow = true`",
+        )),
+        ShapeError::Hole { .. } => {
+            Some(by_hand("delete it", "--fill-holes, which takes it for material", "`holes = \"fill\"`"))
+        }
+        ShapeError::Several { is_solid: true, .. } => Some("delete the others in the CAD program".to_owned()),
+        ShapeError::Several { is_solid: false, .. } => {
+            Some(by_hand("delete the others", "the one's --layer", "`layer`"))
+        }
+        ShapeError::Chords { .. } | ShapeError::TooManyVertices { .. } | ShapeError::CurveError { .. } => {
+            Some(tell("a larger --curve-error-mm", "a larger `curve_error`"))
         }
         _ => None,
     }
@@ -222,5 +266,19 @@ mod tests {
             help(&PartFile::parse(supports).unwrap_err()).unwrap(),
             "`palpate which-part` tells which it is; for anything else leave one, as `feet` or without"
         );
+    }
+
+    #[test]
+    fn an_outline_is_asked_for_in_the_words_of_where_it_is() {
+        let hole = ShapeError::Hole { place: "CIRCLE".to_owned(), of: None };
+        let wanted =
+            "delete it, or tell --fill-holes, which takes it for material; in a part file it is `holes = \"fill\"`";
+        assert_eq!(help(&hole).unwrap(), wanted);
+        let wanted = "delete it, or say `holes = \"fill\"` in the table `outline`";
+        assert_eq!(help(&PartFileError::Drawing(hole)).unwrap(), wanted);
+        let several = |is_solid| {
+            help(&ShapeError::Several { count: 2, first: "a".to_owned(), second: "b".to_owned(), is_solid }).unwrap()
+        };
+        assert!(several(false).contains("--layer") && !several(true).contains("layer"));
     }
 }

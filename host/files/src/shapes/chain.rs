@@ -9,7 +9,7 @@ use palpate::geometry::curve::Chords;
 use palpate::geometry::mesh::signed_area;
 use palpate::geometry::{PolygonError, SimplePolygon, bounding_box};
 
-use super::error::{Place, ShapeError};
+use super::error::{Place, ShapeError, check_size};
 use super::{Drawn, Request, VERTICES_MAX};
 
 /// Ends so near to each other, as a share of the drawing's longer side, are one.
@@ -44,7 +44,9 @@ pub(super) fn outline(
     }
     let all: Vec<_> = pieces.iter().flat_map(|piece| piece.chords.points.iter().copied()).collect();
     let (low, high) = bounding_box(&all);
-    let near = JOINED_RELATIVE * (high - low).amax();
+    let extent = (high - low).amax();
+    check_size(extent * metres)?;
+    let near = JOINED_RELATIVE * extent;
     let loops = loops(pieces, near)?;
     let area = |index: &usize| signed_area(&loops[*index].points).abs();
     let largest = (0..loops.len()).max_by(|a, b| area(a).total_cmp(&area(b))).ok_or_else(nothing)?;
@@ -53,7 +55,7 @@ pub(super) fn outline(
     let others = || (0..loops.len()).filter(|index| *index != largest);
     if let Some(second) = others().find(|index| !encloses(index)) {
         let count = 1 + others().filter(|index| !encloses(index)).count();
-        return Err(ShapeError::Several { count, first: told(largest), second: told(second) });
+        return Err(ShapeError::Several { count, first: told(largest), second: told(second), is_solid: false });
     }
     if let (Some(hole), false) = (others().next(), request.fills_holes) {
         return Err(ShapeError::Hole { place: told(hole), of: Some(told(largest)) });

@@ -26,7 +26,8 @@ impl fmt::Display for Place {
     }
 }
 
-/// Why a file gives no outline. Coordinates are in the file's own unit.
+/// Why a file gives no outline. Coordinates are in the file's own unit. What to do about it depends on who was asked: a part
+/// file has other words than a command line.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ShapeError {
@@ -48,16 +49,16 @@ pub enum ShapeError {
         file: String,
     },
     /// A tolerance that cannot be.
-    #[error("curve_error is {value:?} m: give a length above 0")]
+    #[error("curves are to be kept to {value:?} m: give a length above 0")]
     CurveError {
         /// As asked for, m.
         value: f64,
     },
     /// A height or a direction for a flat drawing.
-    #[error("`height`, `shadow` and `up` are for solids (.stl), and this is a drawing: leave them out")]
+    #[error("a height, a shadow and what is up are for solids (.stl), and this is a drawing")]
     OnlySolids,
     /// A layer of a solid.
-    #[error("`layer` is for drawings, and this is a solid: leave it out")]
+    #[error("layers are for drawings, and this is a solid")]
     OnlyDrawings,
     /// Both or a wrong one.
     #[error("height = {value:?} with shadow = {shadow}: give a finite height, or shadow = true, not both")]
@@ -69,14 +70,14 @@ pub enum ShapeError {
     },
     /// A solid of which the outline was not said.
     #[error(
-        "the part is a solid, {height:.3} high in the unit of its file: say at what `height` above the table the finger touches it, or take its outline from above by shadow = true"
+        "the part is a solid, {height:.3} high in the unit of its file: nobody says at what height above the table its outline is taken, or that it is that seen from above"
     )]
     HeightMissing {
         /// In the unit of the file.
         height: f64,
     },
     /// A slice beside the solid.
-    #[error("height = {height:.4} mm is not within the solid, which is {top:.4} mm high")]
+    #[error("a height of {height:.4} mm is not within the solid, which is {top:.4} mm high")]
     HeightBeside {
         /// As asked for, mm.
         height: f64,
@@ -84,9 +85,7 @@ pub enum ShapeError {
         top: f64,
     },
     /// Nobody says how long a unit is.
-    #[error(
-        "the file does not say its unit ({why}): say it, as outline = {{ file = {file:?}, unit = \"mm\" }} (m, cm, mm or in)"
-    )]
+    #[error("the file does not say its unit ({why})")]
     UnitMissing {
         /// Where it could have been said.
         why: String,
@@ -94,9 +93,7 @@ pub enum ShapeError {
         file: String,
     },
     /// Two units.
-    #[error(
-        "the file says that its unit is {said} ({place}), and unit = \"{asked}\" was asked for: leave the latter out"
-    )]
+    #[error("the file says that its unit is {said} ({place}), and {asked} was asked for: leave the latter out")]
     UnitTwice {
         /// What the file says.
         said: String,
@@ -136,7 +133,7 @@ pub enum ShapeError {
         layers: Vec<String>,
     },
     /// A curve that takes too many chords.
-    #[error("{place} takes more chords than an outline may have: tell a larger curve_error")]
+    #[error("{place} takes more chords than an outline may have")]
     Chords {
         /// What and where.
         place: Place,
@@ -164,7 +161,7 @@ pub enum ShapeError {
     },
     /// A hole.
     #[error(
-        "{place} is a hole{}: a finger feels the outside only; delete it, or take the part as if it were solid by holes = \"fill\"",
+        "{place} is a hole{}: a finger feels the outside only",
         .of.as_ref().map(|of| format!(" in the outline of {of}")).unwrap_or_default()
     )]
     Hole {
@@ -174,9 +171,7 @@ pub enum ShapeError {
         of: Option<String>,
     },
     /// Several parts.
-    #[error(
-        "there are {count} outlines beside each other: {first} and {second}; a part has one: delete the others, or choose a `layer`"
-    )]
+    #[error("there are {count} outlines beside each other: {first} and {second}; a part has one")]
     Several {
         /// How many.
         count: usize,
@@ -184,9 +179,11 @@ pub enum ShapeError {
         first: String,
         /// Another.
         second: String,
+        /// Whether they are of a solid, which has no layers.
+        is_solid: bool,
     },
     /// Too fine.
-    #[error("the outline has {count} vertices, the limit is {limit}: tell a larger curve_error", limit = super::VERTICES_MAX)]
+    #[error("the outline has {count} vertices, the limit is {limit}", limit = super::VERTICES_MAX)]
     TooManyVertices {
         /// How many.
         count: usize,
@@ -201,6 +198,14 @@ pub enum ShapeError {
         /// The pieces that cross.
         edges: Option<(String, String)>,
     },
+    /// Of a size that no unit in use gives a part.
+    #[error(
+        "what is drawn is {extent:.3e} m across, and parts are from {:e} m to {:e} m: is the unit right?", EXTENT_M[0], EXTENT_M[1]
+    )]
+    Size {
+        /// Along the longer axis, m.
+        extent: f64,
+    },
     /// No solid.
     #[error("{error}{}", .line.map(|line| format!(" (line {line})")).unwrap_or_default())]
     Mesh {
@@ -209,6 +214,19 @@ pub enum ShapeError {
         /// Where its facet is, in a file with lines.
         line: Option<usize>,
     },
+}
+
+/// Parts are of these sizes, m: no finger pushes what is as thin as a hair, no table bears what is longer. Units that are confused
+/// differ by up to a thousand, and what a finger pushes is of 5 mm to 1 m.
+const EXTENT_M: [f64; 2] = [1e-4, 100.0];
+
+/// Whether a part may be so long along its longer axis, m.
+///
+/// # Errors
+/// [`ShapeError::Size`].
+#[cfg(feature = "shapes")]
+pub(super) fn check_size(extent: f64) -> Result<(), ShapeError> {
+    if (EXTENT_M[0]..=EXTENT_M[1]).contains(&extent) { Ok(()) } else { Err(ShapeError::Size { extent }) }
 }
 
 /// Names in a list for people.

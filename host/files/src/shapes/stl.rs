@@ -13,7 +13,7 @@ use palpate::pushing::dynamics::Mass;
 use palpate::pushing::dynamics::resting::weights;
 
 use super::chain::contains;
-use super::error::ShapeError;
+use super::error::{ShapeError, check_size};
 use super::{Drawn, Height, Request, Solid, Up, VERTICES_MAX};
 
 /// Bytes before the facets of a binary file: the header, and their number.
@@ -67,6 +67,7 @@ pub(super) fn read(bytes: &[u8], request: &Request) -> Result<Drawn, ShapeError>
         let line = facet.and_then(|facet| lines.get(facet).copied());
         ShapeError::Mesh { error, line }
     })?;
+    check_size(mesh.extent())?;
     let [low, high] = mesh.heights();
     let (loops, what) = match request.height {
         None => return Err(ShapeError::HeightMissing { height: (high - low) / metres }),
@@ -218,7 +219,7 @@ fn outline(
     if let Some(other) = loops[1..].iter().find(is_beside) {
         let count = loops.iter().filter(|outline| signed_area(outline) > 0.0).count();
         let first = format!("{what}, {}", size(outer));
-        return Err(ShapeError::Several { count, first, second: size(other) });
+        return Err(ShapeError::Several { count, first, second: size(other), is_solid: true });
     }
     if let (Some(hole), false) = (hole, request.fills_holes) {
         return Err(ShapeError::Hole { place: format!("in {what}, {}", size(hole)), of: None });

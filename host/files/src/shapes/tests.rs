@@ -408,7 +408,7 @@ fn units_are_taken_asked_for_and_never_guessed() {
     assert!((radius(read("a.dxf", &dxf(Some(5), &circle)).unwrap()) - 0.01).abs() < 1e-4);
     for silent in [dxf(None, &circle), dxf(Some(0), &circle)] {
         let message = told("a.dxf", &silent);
-        assert!(message.contains("$INSUNITS") && message.contains("unit = \"mm\""), "{message}");
+        assert!(message.contains("does not say its unit") && message.contains("$INSUNITS"), "{message}");
     }
     let asked = Request { unit: Some(Unit::Centimetre), ..request("a.dxf") };
     assert!((radius(draw(dxf(None, &circle).as_bytes(), &asked).unwrap()) - 0.01).abs() < 1e-4);
@@ -487,7 +487,7 @@ fn what_is_no_part_of_a_solid_is_named() {
     assert!(message(&[facets.clone(), moved([60.0, 5.0, 1.0])].concat(), Height::Slice(0.01)).contains("2 outlines"));
     let ask = Request { height: None, ..solid(Height::Shadow) };
     let asked = draw(stl_text(&facets).as_bytes(), &ask).unwrap_err().to_string();
-    assert!(asked.contains("20.000 high") && asked.contains("`height`") && asked.contains("shadow"), "{asked}");
+    assert!(asked.contains("20.000 high") && asked.contains("height above the table"), "{asked}");
     let text = stl_text(&facets);
     for (damaged, wanted) in [
         (text.replace("endsolid OpenSCAD_Model\n", ""), "ends before endsolid"),
@@ -569,6 +569,20 @@ fn huge_and_hostile_files_are_refused_in_words() {
     assert!(told("a.dxf", &dxf(Some(4), &stacked)).contains("meet at"));
     assert!(told("a.dxf", "AutoCAD Binary DXF\r\n").contains("binary DXF"));
     assert!(told("a.step", "").contains("ends in none of"));
+}
+
+#[test]
+fn a_drawing_of_a_size_that_no_part_has_is_refused() {
+    let corners = [[0.0, 0.0], [90.0, 0.0], [70.0, 50.0], [0.0, 40.0]].map(Point2::from);
+    let block = prism(&corners.map(|p| p - nalgebra::Vector2::new(40.0, 20.0)), [0.0, 10.0]);
+    for scale in [1e-7, 1e-3, 1e4, 1e9, 1e306] {
+        let outline = corners.map(|p| p * scale);
+        let drawn = told("a.dxf", &dxf(Some(4), &lines(&outline, &mut Draw::new(1))));
+        let solids = block.iter().map(|facet| facet.map(|p| p.map(|value| value * scale))).collect::<Vec<_>>();
+        let solid = draw(stl_text(&solids).as_bytes(), &solid(Height::Shadow)).unwrap_err().to_string();
+        assert!(drawn.contains("is the unit right?") && drawn.len() < 150, "{scale}: {drawn}");
+        assert!(solid.contains("is the unit right?") || scale > 1e9, "{scale}: {solid}");
+    }
 }
 
 #[test]
