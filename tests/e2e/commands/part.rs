@@ -150,11 +150,61 @@ fn a_solid_tells_its_mass_and_mistakes_are_told_with_what_to_do() {
         assert_eq!(output.status.code(), Some(1));
         text(&output.stderr)
     };
-    assert!(complaint(&["part", "block.stl"]).contains("STL never does"));
-    assert!(complaint(&["part", "block.stl", "--unit", "mm"]).contains("20.000 high"));
+    let told = complaint(&["part", "block.stl"]);
+    assert!(told.contains("STL never does") && told.contains("--unit mm"), "{told}");
+    let told = complaint(&["part", "block.stl", "--unit", "mm"]);
+    assert!(told.contains("20.000 high") && told.contains("--height-mm") && told.contains("--shadow"), "{told}");
     fs::write(folder.path().join("cad/part.dxf"), dxf(&PART).replacen("LINE", "MTEXT", 1)).unwrap();
     let told = complaint(&["push", "part.toml", "--edge", "0"]);
     assert!(told.contains("outline: MTEXT on layer \"cut\" at line 16"), "{told}");
     fs::remove_file(folder.path().join("cad/part.dxf")).unwrap();
     assert!(complaint(&["push", "part.toml", "--edge", "0"]).contains("outline: cad/part.dxf:"));
+}
+
+#[test]
+fn options_that_say_nothing_of_a_file_are_refused_by_name() {
+    let folder = folder(&PART, "mu = 0.3\n");
+    fs::write(folder.path().join("block.stl"), block_stl()).unwrap();
+    for (words, options) in [
+        (&["cad/part.dxf", "--density-g-cm3", "2"][..], "--density-g-cm3 says nothing"),
+        (&["cad/part.dxf", "--shadow", "--up", "z"], "--shadow, --up says nothing"),
+        (&["block.stl", "--unit", "mm", "--shadow", "--layer", "cut"], "--layer says nothing"),
+        (&["part.toml", "--density-g-cm3", "9"], "--density-g-cm3 says nothing"),
+        (
+            &["part.toml", "--unit", "in", "--fill-holes", "--height-mm", "3", "--curve-error-mm", "3"],
+            "--unit, --curve-error-mm, --fill-holes, --height-mm says nothing",
+        ),
+    ] {
+        let output = palpate(folder.path(), &[&["part"], words].concat());
+        assert_eq!(output.status.code(), Some(1), "{words:?}");
+        assert!(text(&output.stderr).contains(options), "{words:?}: {}", text(&output.stderr));
+    }
+    // Of a part file that names a solid the density is used.
+    let solid = "unit = 'mm'\nmu = 0.3\noutline = {file = 'block.stl', unit = 'mm', shadow = true}";
+    fs::write(folder.path().join("solid.toml"), solid).unwrap();
+    let shown = palpate(folder.path(), &["part", "solid.toml", "--density-g-cm3", "7.85"]);
+    assert!(text(&shown.stdout).contains("mass 0.37680 kg"), "{}", text(&shown.stderr));
+}
+
+#[test]
+fn a_file_from_cad_in_place_of_one_that_names_it_is_told() {
+    let folder = folder(&PART, "mu = 0.3\n");
+    fs::write(folder.path().join("part.svg"), "<svg xmlns='http://www.w3.org/2000/svg'></svg>").unwrap();
+    for (words, wanted) in [
+        (&["push", "cad/part.dxf", "--edge", "0"][..], "a part file is asked for"),
+        (&["sample", "part.svg"], "a scene is asked for: a scene names it in a [[shape]]"),
+    ] {
+        let told = text(&palpate(folder.path(), words).stderr);
+        assert!(told.contains(wanted) && told.contains("outline = { file ="), "{told}");
+        assert!(!told.contains("key with no value"), "{told}");
+    }
+}
+
+#[test]
+fn a_part_of_doubtful_size_is_doubted() {
+    let folder = folder(&PART.map(|corner| corner.map(|x| 0.02 * x)), "mu = 0.3\n");
+    for file in ["part.toml", "cad/part.dxf"] {
+        let told = text(&palpate(folder.path(), &["part", file]).stderr);
+        assert!(told.contains("2.000 mm across: is its unit right?"), "{file}: {told}");
+    }
 }

@@ -1,6 +1,6 @@
 //! `palpate part`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
@@ -9,12 +9,12 @@ use palpate::geometry::{SimplePolygon, bounding_box, convex_hull};
 use palpate::inscription::likeness::{Likeness, Likenesses, likenesses};
 use palpate::pushing::dynamics::Part;
 use palpate::pushing::estimation::from_rest::symmetry;
-use palpate_files::part::{DescribedPart, FromDrawing, PartFile, Unit};
+use palpate_files::part::{DescribedPart, Doubt, FromDrawing, PartFile, Unit};
 use palpate_files::shapes::{Height, Request, Up, draw};
 use serde_json::{Value, json};
 
 use super::plot::PlotArguments;
-use super::read::{DRAWING, drawing_bytes, read_beside};
+use super::read::{DRAWING, drawing_bytes, is_from_cad, read_beside};
 use super::{counted, finite, positive, turn_deg};
 use crate::pictures::part::PartPicture;
 use crate::recording;
@@ -40,9 +40,9 @@ pub(crate) struct Arguments {
     /// The only layer of a drawing to look at
     #[arg(long, value_name = "NAME")]
     layer: Option<String>,
-    /// How far chords may be from their curves
-    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = 0.05)]
-    curve_error_mm: f64,
+    /// How far chords may be from their curves [default: 0.05]
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    curve_error_mm: Option<f64>,
     /// Take holes for material
     #[arg(long)]
     fill_holes: bool,
@@ -52,9 +52,9 @@ pub(crate) struct Arguments {
     /// Outline of a solid as seen from above
     #[arg(long)]
     shadow: bool,
-    /// Which direction of a solid's file points up: z, -z, x, -x, y or -y
-    #[arg(long, value_name = "AXIS", value_parser = up, default_value = "z", allow_hyphen_values = true)]
-    up: Up,
+    /// Which direction of a solid's file points up: z, -z, x, -x, y or -y [default: z]
+    #[arg(long, value_name = "AXIS", value_parser = up, allow_hyphen_values = true)]
+    up: Option<Up>,
     /// Density of a solid, for its mass
     #[arg(long, value_name = "G/CM³", value_parser = positive)]
     density_g_cm3: Option<f64>,
@@ -101,7 +101,20 @@ struct Seen {
     part: DescribedPart,
     drawn: Option<FromDrawing>,
     outline_sigma: f64,
+    doubts: Vec<Doubt>,
 }
+
+/// Options that any file from CAD takes.
+const OF_FILE: [&str; 3] = ["--unit", "--curve-error-mm", "--fill-holes"];
+
+/// Those that only drawings take.
+const OF_DRAWING: [&str; 1] = ["--layer"];
+
+/// Those that only solids take.
+const OF_SOLID: [&str; 3] = ["--height-mm", "--shadow", "--up"];
+
+/// That which a part file that names a solid takes, too.
+const DENSITY: [&str; 1] = ["--density-g-cm3"];
 
 /// What was found.
 struct Found {
@@ -119,6 +132,9 @@ struct Found {
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let seen = arguments.seen()?;
+    for doubt in &seen.doubts {
+        tracing::warn!("{}: {doubt}", arguments.file.display());
+    }
     let found = Found::of(&seen, LIKE_TIMES * arguments.alike_mm * 1e-3);
     if arguments.json {
         say!("{}", serde_json::to_string(&arguments.json(&seen, &found)).into_diagnostic()?);
@@ -129,18 +145,47 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn is_from_cad(path: &Path) -> bool {
-    let is = |ending: &&str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(ending));
-    ["dxf", "svg", "stl"].iter().any(is)
-}
-
 impl Arguments {
+    /// Refuses options that this file makes no use of.
+    fn refuse(&self, options: &[&str], why: &str) -> miette::Result<()> {
+        let given = [
+            ("--unit", self.unit.is_some()),
+            ("--curve-error-mm", self.curve_error_mm.is_some()),
+            ("--fill-holes", self.fill_holes),
+            ("--layer", self.layer.is_some()),
+            ("--height-mm", self.height_mm.is_some()),
+            ("--shadow", self.shadow),
+            ("--up", self.up.is_some()),
+            ("--density-g-cm3", self.density_g_cm3.is_some()),
+        ];
+        let is_refused = |(option, is_given): &&(&str, bool)| *is_given && options.contains(option);
+        let refused: Vec<_> = given.iter().filter(is_refused).map(|(option, _)| *option).collect();
+        if refused.is_empty() {
+            return Ok(());
+        }
+        let (options, file) = (refused.join(", "), self.file.display());
+        Err(miette::miette!(help = format!("leave {options} out"), "{options} says nothing of {file}: {why}"))
+    }
+
     fn seen(&self) -> miette::Result<Seen> {
         if !is_from_cad(&self.file) {
-            let PartFile { part, drawn, errors, .. } = read_beside(&self.file, PartFile::parse_beside)?;
-            return Ok(Seen { part, drawn, outline_sigma: errors.outline_sigma });
+            self.refuse(
+                &[&OF_FILE[..], &OF_DRAWING, &OF_SOLID].concat(),
+                "a part file says it itself, in its table `outline`",
+            )?;
+            let file = read_beside(&self.file, PartFile::parse_beside)?;
+            let doubts = file.doubts();
+            let PartFile { part, drawn, errors, .. } = file;
+            if drawn.as_ref().is_none_or(|drawn| drawn.solid.is_none()) {
+                self.refuse(&DENSITY, "the part is no solid")?;
+            }
+            return Ok(Seen { part, drawn, outline_sigma: errors.outline_sigma, doubts });
         }
         let cannot = || format!("cannot use {}", self.file.display());
+        match self.file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("stl")) {
+            true => self.refuse(&OF_DRAWING, "a solid has no layers")?,
+            false => self.refuse(&[&OF_SOLID[..], &DENSITY].concat(), "a drawing is no solid (.stl)")?,
+        }
         let bytes = drawing_bytes(&self.file).into_diagnostic().wrap_err_with(cannot)?;
         recording::attach(DRAWING, &self.file, &bytes);
         let height = match (self.height_mm, self.shadow) {
@@ -148,20 +193,22 @@ impl Arguments {
             (None, true) => Some(Height::Shadow),
             (None, false) => None,
         };
+        let of_file = Request::of(&self.file.to_string_lossy());
         let request = Request {
             unit: self.unit,
-            curve_error: self.curve_error_mm * 1e-3,
+            curve_error: self.curve_error_mm.map_or(of_file.curve_error, |mm| mm * 1e-3),
             layer: self.layer.clone(),
             fills_holes: self.fill_holes,
             height,
-            up: self.up,
-            ..Request::of(&self.file.to_string_lossy())
+            up: self.up.unwrap_or_default(),
+            ..of_file
         };
         let drawn = draw(&bytes, &request).map_err(crate::advice::report).wrap_err_with(cannot)?;
         let unit = self.unit.unwrap_or(Unit::Millimetre);
         let part = DescribedPart::of_drawn(&drawn, unit).map_err(crate::advice::report).wrap_err_with(cannot)?;
         let outline_sigma = drawn.error;
-        Ok(Seen { part, drawn: Some(FromDrawing { error: drawn.error, solid: drawn.solid }), outline_sigma })
+        let doubts = part.doubts();
+        Ok(Seen { part, doubts, drawn: Some(FromDrawing { error: drawn.error, solid: drawn.solid }), outline_sigma })
     }
 
     /// kg, of a solid whose density was told.

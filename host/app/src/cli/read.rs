@@ -53,7 +53,9 @@ where
     E: Error + Send + Sync + 'static,
 {
     let cannot = || format!("cannot use {}", path.display());
-    let text = read_text(path).wrap_err_with(cannot)?;
+    let text = read_text(path)
+        .map_err(|error| if is_from_cad(path) { given_from_cad(path, &error.to_string(), &[]) } else { error })
+        .wrap_err_with(cannot)?;
     recording::attach(kind_of(&text).map_or("file", role), path, text.as_bytes());
     parse(&text)
         .map_err(|error| {
@@ -62,6 +64,9 @@ where
                 Some(kind) => {
                     let help = format!("{kind} is given where {} is asked for", wanted(&error).join(" or "));
                     miette::miette!(help = help, "{error}")
+                }
+                None if is_from_cad(path) && kind_of(&text).is_none() => {
+                    given_from_cad(path, "it is no TOML", wanted(&error))
                 }
                 None => crate::advice::report(error),
             }
@@ -115,6 +120,26 @@ pub(super) fn drawing_bytes(path: &Path) -> io::Result<Vec<u8>> {
         return Err(io::Error::other(format!("it is longer than {} MiB: export it coarser", DRAWING_BYTES_MAX >> 20)));
     }
     Ok(bytes)
+}
+
+/// Whether a file's name is that of a drawing or a solid from CAD.
+pub(super) fn is_from_cad(path: &Path) -> bool {
+    let is = |ending: &&str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(ending));
+    ["dxf", "svg", "stl"].iter().any(is)
+}
+
+/// A file from CAD where one is asked for that may name it.
+fn given_from_cad(path: &Path, error: &str, wanted: &[&str]) -> miette::Report {
+    let asked = if wanted.is_empty() { "a file in TOML".to_owned() } else { wanted.join(" or ") };
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let place = match wanted {
+        [SCENE] => "a scene names it in a [[shape]]",
+        _ => "a part file names it",
+    };
+    let help = format!(
+        "a file from CAD is given where {asked} is asked for: {place}, as `outline = {{ file = {name:?} }}` (docs/SHAPES.md)"
+    );
+    miette::miette!(help = help, "{error}")
 }
 
 /// What a person's file is, by its keys; none where it may be anything.
@@ -242,6 +267,21 @@ mod tests {
         assert_eq!(help(motion, true).as_deref(), Some("a motion file is given where a part file is asked for"));
         assert_eq!(help(part, false).as_deref(), Some("a part file is given where a motion file is asked for"));
         assert_eq!(help(&part.replace("mu", "muu"), true), None);
+    }
+
+    #[test]
+    fn a_file_from_cad_is_recognised_where_another_names_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let help = |name: &str, bytes: &[u8]| {
+            let path = folder.path().join(name);
+            fs::write(&path, bytes).unwrap();
+            read(&path, palpate_files::part::PartFile::parse).map(drop).unwrap_err().help().unwrap().to_string()
+        };
+        let drawing = help("a.dxf", b"0\nSECTION\n");
+        assert!(drawing.starts_with("a file from CAD is given where a part file is asked for"), "{drawing}");
+        assert!(drawing.contains("`outline = { file = \"a.dxf\" }`"), "{drawing}");
+        // Not even text.
+        assert!(help("a.STL", &[0xff; 84]).contains("`outline = { file = \"a.STL\" }`"));
     }
 
     #[test]
