@@ -1,7 +1,7 @@
 //! A solid by its surface of triangles: what it weighs, its outline at a height, and what it stands on.
 //!
 //! [`Mesh::new`] is the only way to one: every edge of the surface is passed as often one way as the other, so the surface
-//! is closed, and closed bodies in one file have no room in common ([`bodies`]), so volume, centre of mass and slices are those of
+//! is closed, and closed bodies in one file have no room in common (`bodies`), so volume, centre of mass and slices are those of
 //! a solid. A surface that is inside out is turned. That one body does not cut through itself is not checked.
 //!
 //! Implements: volume, first and second moments by sums over the tetrahedra from one corner to each facet.
