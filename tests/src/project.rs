@@ -57,3 +57,22 @@ pub fn alike(a: &Value, b: &Value, printed: f64) -> bool {
         _ => a == b,
     }
 }
+
+/// Whether two texts are the same but for numbers that are `near`, each as it is written.
+#[must_use]
+pub fn texts_alike(a: &str, b: &str, near: impl Fn(&str, &str) -> bool) -> bool {
+    let is_numeric = |c: char| c.is_ascii_digit() || c == '.' || c == '-';
+    let tokens = |text: &str| -> Vec<(bool, String)> {
+        let mut tokens: Vec<(bool, String)> = Vec::new();
+        for c in text.chars() {
+            match tokens.last_mut() {
+                Some((numeric, token)) if *numeric == is_numeric(c) => token.push(c),
+                _ => tokens.push((is_numeric(c), c.to_string())),
+            }
+        }
+        tokens
+    };
+    let (a, b) = (tokens(a), tokens(b));
+    a.len() == b.len()
+        && a.iter().zip(&b).all(|((kind, a), (other, b))| kind == other && (a == b || *kind && near(a, b)))
+}

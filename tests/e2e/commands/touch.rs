@@ -213,6 +213,7 @@ fn what_cannot_be_begun_says_why() {
         &["--area-mm", "0,0,1"][..],
         &["--area-mm", "0,0,160,160", "--out", "felt.toml"],
         &["--area-mm", "0,0,0,5"],
+        &["--area-mm", "0,0,160,1e7"],
         &["--force-limit", "0"],
     ] {
         let output = touch(&file, &[&["--mass-kg", "1"], wrong].concat());

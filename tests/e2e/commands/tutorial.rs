@@ -120,22 +120,8 @@ fn every_command_of_the_tutorial_prints_and_draws_what_its_page_shows() {
 
 /// Whether two drawings are one but for rounding: numbers to a fifth of a page unit, all else to the letter.
 fn drawn_alike(a: &str, b: &str) -> bool {
-    let is_numeric = |c: char| c.is_ascii_digit() || c == '.' || c == '-';
-    let tokens = |text: &str| -> Vec<(bool, String)> {
-        let mut tokens: Vec<(bool, String)> = Vec::new();
-        for c in text.chars() {
-            match tokens.last_mut() {
-                Some((numeric, token)) if *numeric == is_numeric(c) => token.push(c),
-                _ => tokens.push((is_numeric(c), c.to_string())),
-            }
-        }
-        tokens
-    };
-    let (a, b) = (tokens(a), tokens(b));
-    let near =
-        |a: &str, b: &str| a.parse::<f64>().ok().zip(b.parse::<f64>().ok()).is_some_and(|(a, b)| (a - b).abs() <= 0.2);
-    a.len() == b.len()
-        && a.iter().zip(&b).all(|((kind, a), (other, b))| kind == other && (a == b || *kind && near(a, b)))
+    let near = |a: f64, b: f64| (a - b).abs() <= 0.2;
+    project::texts_alike(a, b, |a, b| a.parse().ok().zip(b.parse().ok()).is_some_and(|(a, b)| near(a, b)))
 }
 
 #[test]

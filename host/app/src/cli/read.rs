@@ -21,6 +21,7 @@ use palpate_files::shapes::Opener;
 use palpate_files::views::ViewFileError;
 
 use crate::recording;
+use crate::width::folded;
 
 /// Most problems of a file that are printed; their number always is.
 const PROBLEMS_SHOWN: usize = 10;
@@ -195,7 +196,7 @@ fn wanted<E: Error + 'static>(error: &E) -> &'static [&'static str] {
 
 /// Says what was read of a part, and warns of what is possible, but rarely meant.
 pub(super) fn tell_part(path: &Path, outline: &[Point2<f64>], body: &Body, doubts: &[Doubt]) {
-    note!("{}: {}", path.display(), part_in_words(outline, body));
+    note!("{}", folded(&format!("{}: {}", path.display(), part_in_words(outline, body))));
     for doubt in doubts {
         tracing::warn!("{}: {doubt}", path.display());
     }

@@ -50,11 +50,21 @@ fn numbers<const N: usize>(text: &str, what: &str) -> Result<[f64; N], String> {
     numbers.try_into().map_err(|numbers: Vec<_>| format!("{text:?} has {} numbers, and {what}", numbers.len()))
 }
 
+/// Longest side of an area, m: beyond the reach of any robot that touches, and what is sought there takes days.
+const SIDE_MAX: f64 = 10.0;
+
 /// Two corners in mm.
 pub(super) fn area_mm(text: &str) -> Result<Area, String> {
     let [a, b, c, d] = numbers(text, "two corners are four: X,Y,X,Y")?.map(|mm| mm * 1e-3);
     let [low, high] = [Point2::new(a.min(c), b.min(d)), Point2::new(a.max(c), b.max(d))];
-    if (high - low).min() > 0.0 { Ok(Area([low, high])) } else { Err(format!("{text:?} has no breadth")) }
+    let [least, most] = [(high - low).min(), (high - low).max()];
+    if least <= 0.0 {
+        return Err(format!("{text:?} has no breadth"));
+    }
+    if most > SIDE_MAX {
+        return Err(format!("a side is {most:.1} m long, and {SIDE_MAX} m is the most: are the numbers in mm?"));
+    }
+    Ok(Area([low, high]))
 }
 
 /// A place in mm.

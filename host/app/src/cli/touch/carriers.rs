@@ -17,6 +17,7 @@ use crate::live::guided::{GuidedError, GuidedFinger, Stand, Went};
 use crate::live::interrupt;
 use crate::live::listening::{ListenError, ListeningFinger};
 use crate::thesis::demonstration::compliance_by_design;
+use crate::width::folded;
 
 /// Why touching ended before its time.
 #[derive(Debug, Error)]
@@ -175,24 +176,23 @@ impl Speeds {
         })
     }
 
+    fn comes(&self) -> String {
+        format!("the finger comes at {:.1} mm/s and presses with {:.2} N at most", self.approach * 1e3, self.force)
+    }
+
     /// Says how the finger comes, and whether that is safe.
     pub(crate) fn tell(&self) {
-        let comes =
-            format!("the finger comes at {:.1} mm/s and presses with {:.2} N at most", self.approach * 1e3, self.force);
-        match self.moved {
-            Some(moved) if moved > 0.0 => note!("{comes}; that may move the part by {:.3} mm", moved * 1e3),
-            Some(_) => note!("{comes}; friction holds the part"),
-            None => note!("{comes}; without --mass-kg nobody knows whether that moves the part"),
-        }
+        let holds = match self.moved {
+            Some(moved) if moved > 0.0 => format!("that may move the part by {:.3} mm", moved * 1e3),
+            Some(_) => "friction holds the part".to_owned(),
+            None => "without --mass-kg nobody knows whether that moves the part".to_owned(),
+        };
+        note!("{}", folded(&format!("{}; {holds}", self.comes())));
     }
 
     /// Says how the finger comes to a part that is held.
     pub(super) fn tell_held(&self) {
-        note!(
-            "the finger comes at {:.1} mm/s and presses with {:.2} N at most; the part is to be held still",
-            self.approach * 1e3,
-            self.force
-        );
+        note!("{}", folded(&format!("{}; the part is to be held still", self.comes())));
     }
 
     /// What is said where the finger presses.

@@ -83,23 +83,6 @@ impl<T: Scalar> PushModel<'_, T> {
 }
 
 impl PushModel<'_> {
-    /// The state one step of `dt` (s) later of a part so slow that what it turns and slides settles within the step
-    /// ([`rosenbrock`]): where friction forgets speed, v/(µg), much faster than the finger changes its own. It begins with
-    /// what is [linearised](Self::linearised) there. None where the step has no solution.
-    ///
-    /// No error control, no events.
-    #[must_use]
-    pub(in crate::pushing) fn stiff_step(
-        &self,
-        contact: &ContactMode,
-        time: f64,
-        state: &State,
-        dt: f64,
-        begin: &Linearised<4>,
-    ) -> Option<State> {
-        stiff_step(self, contact, time, state, dt, begin)
-    }
-
     /// The motion with its derivatives by the state, and by the time, which only the finger's velocity knows.
     pub(in crate::pushing) fn linearised(&self, contact: &ContactMode, time: f64, state: &State) -> LinearisedMotion {
         let mut lifted = self.lifted::<Jet<5>>();
@@ -119,19 +102,6 @@ impl ShapedModel<'_> {
         ode::step(state, dt, |moment, state| self.motion(contact, moment.time(time, dt), state).rates)
     }
 
-    /// [`PushModel::stiff_step`] of any two outlines.
-    #[must_use]
-    pub(in crate::pushing) fn stiff_step(
-        &self,
-        contact: &ContactMode,
-        time: f64,
-        state: &State,
-        dt: f64,
-        begin: &Linearised<4>,
-    ) -> Option<State> {
-        stiff_step(self, contact, time, state, dt, begin)
-    }
-
     /// [`PushModel::linearised`] of any two outlines.
     pub(in crate::pushing) fn linearised(&self, contact: &ContactMode, time: f64, state: &State) -> LinearisedMotion {
         let mut lifted = self.lifted::<Jet<5>>();
@@ -142,7 +112,14 @@ impl ShapedModel<'_> {
     }
 }
 
-fn stiff_step(
+/// The state one step of `dt` (s) later of a part so slow that what it turns and slides settles within the step
+/// ([`rosenbrock`]): where friction forgets speed, v/(µg), much faster than the finger changes its own. It begins with
+/// what is linearised there, by [`PushModel::linearised`] or [`ShapedModel::linearised`]. None where the step has no
+/// solution.
+///
+/// No error control, no events.
+#[must_use]
+pub(in crate::pushing) fn stiff_step(
     model: &impl ContactModel,
     contact: &ContactMode,
     time: f64,

@@ -43,7 +43,7 @@ pub use contact_model::ContactModel;
 pub use curve::{FingerShape, PartSide};
 pub use disk_on_edge::Motion;
 pub use extrapolation::{Extrapolation, Passed};
-pub(in crate::pushing) use integrate::LinearisedMotion;
+pub(in crate::pushing) use integrate::{LinearisedMotion, stiff_step};
 pub use model::{ContactMode, Edge, Finger, FingerPath, ModelError, Part, PushModel, Slip, State};
 pub use push::{ContactLaw, EdgeEnd, FingerTrack, Push, PushError, PushOf, ShapedPush, Start};
 pub use rest::{RestError, RestStart};

@@ -20,7 +20,7 @@ use crate::math::rosenbrock::Linearised;
 use crate::pushing::dynamics::contact_mode::jams;
 use crate::pushing::dynamics::{
     ContactLaw, ContactMode, EdgeEnd, FingerShape, LinearisedMotion, Motion, Part, PartSide, Push, PushModel,
-    RestError, RestStart, ShapedModel, ShapedPush, Start, State, Turning,
+    RestError, RestStart, ShapedModel, ShapedPush, Start, State, Turning, stiff_step,
 };
 use crate::pushing::finger_motion::Leg;
 
@@ -274,9 +274,9 @@ impl<'p> PlayedModel<'p> {
         begin: &Linearised<4>,
     ) -> Option<State> {
         match self {
-            Self::Edge(model) => model.stiff_step(contact, time, state, dt, begin),
+            Self::Edge(model) => stiff_step(model, contact, time, state, dt, begin),
             Self::Shaped(shaped) => {
-                let after = shaped.model.stiff_step(contact, time, &shaped.own(state), dt, begin)?;
+                let after = stiff_step(&shaped.model, contact, time, &shaped.own(state), dt, begin)?;
                 Some(self.sought_near(state, &after))
             }
         }
