@@ -202,7 +202,8 @@ impl<'p> Problem<'_, 'p> {
     fn of_numbers(&self, guess: &Guess, path: &Path, predicted: &Predicted) -> Vec<OfNumber> {
         let per_mass = |changed: &'p Changed| {
             if let Changed::Friction(along) = changed
-                && !(path.slipped && along.differs_within(&self.course.friction_along, path.s_span))
+                && !(path.slipped
+                    && along.differs_within(&self.course.friction_along, path.s_span.map(|s| s - guess.s)))
             {
                 return None;
             }

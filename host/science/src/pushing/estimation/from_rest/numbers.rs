@@ -109,10 +109,10 @@ struct NumberedGuess {
 }
 
 /// Minima of what might have been felt instead, of those that are listed of an edge.
-const REDRAWN: usize = 12;
+const REDRAWN: usize = 24;
 
 /// Of each of them at the least.
-const REDRAWN_MIN: usize = 4;
+const REDRAWN_MIN: usize = 8;
 
 /// How many of each, where so many of an edge are listed: these are samples of it themselves.
 pub(super) const fn redrawn_of(listed_of_edge: usize) -> usize {
@@ -343,13 +343,13 @@ impl Unknown<'_, '_> {
     fn friction_along(&self, guess: Guess) -> Option<FrictionAlong> {
         let [from, to] = sought(&self.course.side(guess.edge)?, 1);
         let wanders = self.mu_c_wander_log_sd > 0.0;
-        Some(if wanders { FrictionAlong::constant(from, to) } else { FrictionAlong::default() })
+        Some(if wanders { FrictionAlong::constant(to - from) } else { FrictionAlong::default() })
     }
 
     /// The friction along the edge that goes with numbers.
     fn friction(&self, knots: &FrictionAlong, off: &[f64]) -> FrictionAlong {
         let of_friction = &off[off.len() - knots.count()..];
-        knots.with_logs(of_friction.iter().map(|off| off * self.mu_c_wander_log_sd))
+        knots.with_numbers(of_friction.iter().map(|off| off * self.mu_c_wander_log_sd))
     }
 
     /// What there is with one number a little more off.

@@ -53,8 +53,9 @@ impl PartErrors {
     /// for those feet, of which some are two and three times as far from any stretch as most.
     const PRESSURE_LEFT_SHARE: f64 = 0.1;
 
-    /// What of that changes faster than what drifts, as a foot comes near the place about which the part turns.
-    const PRESSURE_FAST_SHARE: f64 = 0.004;
+    /// What of that changes faster than what drifts, as feet come near the place about which the part turns. Of 40 pushes 95 %
+    /// regions hold the truth of 38 with this, of 35 with half of it, and of 30 with a seventh.
+    const PRESSURE_FAST_SHARE: f64 = 0.03;
 }
 
 impl PartErrors {

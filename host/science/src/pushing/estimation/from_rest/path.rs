@@ -484,6 +484,8 @@ struct PathSimulation<'a, 'p> {
     leg_from: f64,
     mu_c: f64,
     along: &'a FrictionAlong,
+    /// The place where the contact began, from which friction along the edge is told.
+    begun_at: f64,
     resolution: Resolution,
     time: f64,
     state: State,
@@ -499,7 +501,7 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
         let &Guess { u, s, mu_c, .. } = guess;
         let (along, later) = (&course.friction_along, REST_S.min(course.legs[0].to));
         // At rest Coulomb's law decides whether the contact rolls or slips; the force must push.
-        let friction = ContactFriction::same(mu_c * along.factor(s));
+        let friction = ContactFriction::same(mu_c * along.factor(0.0));
         let start = |contact: &ContactMode| model.rest_start(contact, u, s);
         let state = State { u, s, omega: 0.0, v_t: 0.0 };
         // A finger that turns already goes by.
@@ -526,13 +528,13 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
         // What hardly moves yet needs implicit steps.
         let now = model.linearised(&contact, later, &state);
         let resolution = course.resolution;
-        Ok(Self { model, leg_from: 0.0, mu_c, along, resolution, time: later, state, contact, now, path })
+        Ok(Self { model, leg_from: 0.0, mu_c, along, begun_at: s, resolution, time: later, state, contact, now, path })
     }
 
     fn begin_moving(course: &'a Course<'p>, model: PlayedModel<'p>, guess: &Guess) -> Result<Self, Lost> {
         let &Guess { u, s, mu_c, omega, slide, .. } = guess;
         let (along, leg_from) = (&course.friction_along, course.legs[0].from);
-        let friction = ContactFriction::same(mu_c * along.factor(s));
+        let friction = ContactFriction::same(mu_c * along.factor(0.0));
         let mut state = State { u, s, omega, v_t: 0.0 };
         let rolling_v_t = model.rolling_v_t(-leg_from, &state);
         state.v_t = rolling_v_t + slide;
@@ -564,12 +566,12 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
             course: ModeCourse::of(&contact),
         };
         let resolution = course.resolution;
-        Ok(Self { model, leg_from, mu_c, along, resolution, time: 0.0, state, contact, now, path })
+        Ok(Self { model, leg_from, mu_c, along, begun_at: s, resolution, time: 0.0, state, contact, now, path })
     }
 
     /// The friction at a place on the edge, m.
     fn friction(&self, s: f64) -> ContactFriction {
-        ContactFriction::same(self.mu_c * self.along.factor(s))
+        ContactFriction::same(self.mu_c * self.along.factor(s - self.begun_at))
     }
 
     /// A contact as it is at a place on the edge, m.

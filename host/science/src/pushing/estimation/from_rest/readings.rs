@@ -72,7 +72,7 @@ pub struct KnownOfFinger<'p> {
     pub mu_g_log_sd: Option<f64>,
     /// µ_c, where it is known: where it wanders along an edge, its mean.
     pub mu_c: Option<f64>,
-    /// Standard deviation of ln µ_c along an edge, from one place to another 5 mm away; 0 where it is the same everywhere.
+    /// Standard deviation of ln µ_c along an edge, from one place to others 5 mm away and more; 0 where it is the same everywhere.
     pub mu_c_wander_log_sd: f64,
     /// Of the finger's disk, m.
     pub radius: f64,
@@ -458,9 +458,9 @@ fn legs_since(legs: impl Iterator<Item = Leg>, from: f64) -> Vec<Leg> {
     moved.filter(|leg| leg.to > 0.0).collect()
 }
 
-/// What a µ_c that wanders changes of the force, as a share of its logarithm: that of its tangential part, at a third of the
-/// normal one.
-const WANDER_SHARE: f64 = 0.3;
+/// What a µ_c that wanders changes of the force, as a share of its logarithm: twice that of its tangential part, at a third of
+/// the normal one, as the part then turns otherwise, too. With half of it a search misses one in twenty.
+const WANDER_SHARE: f64 = 0.6;
 
 /// How it is looked how far a minimum reaches.
 struct Looked<'a> {
