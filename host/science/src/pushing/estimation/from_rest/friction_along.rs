@@ -138,8 +138,7 @@ mod tests {
     fn places_far_apart_have_frictions_of_their_own() {
         let count = 4000;
         let correlation = |apart: f64| {
-            let both =
-                (0..count).map(|seed| drawn(seed)).map(|along| along.factor(0.0).ln() * along.factor(apart).ln());
+            let both = (0..count).map(drawn).map(|along| along.factor(0.0).ln() * along.factor(apart).ln());
             both.sum::<f64>() / count as f64
         };
         let [near, far, beyond] = [1.0, 2.0, 4.0].map(|knots| correlation(knots * KNOTS_APART_M));
