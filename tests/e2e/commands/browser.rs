@@ -246,7 +246,8 @@ fn a_browser_shows_the_push_of_a_part_and_what_is_amiss() {
     let pose = [0, 1, 2].map(|place| belief["poses"][0]["pose"][place].as_f64().unwrap());
     let found = Isometry2::new([pose[0], pose[1]].into(), pose[2]);
     check_pose(&found, &played, belief["felt_s"].as_f64().unwrap(), &belief);
-    assert_eq!(browser.value("document.getElementById('poses').rows.length"), 1);
+    // What is known is drawn with the next frame of the screen.
+    browser.wait("document.getElementById('poses').rows.length === 1");
 
     // Keys: a mark, and a picture that is held still while frames go on.
     browser.press("m");
