@@ -10,7 +10,8 @@
 //! In reading order:
 //! - [`hann_windows`]: how force is averaged; [`windowed_force`]: what was felt and how uncertain it is; [`onset`]:
 //!   from readings to that, once the push is felt to begin;
-//! - `path`: what a guess would feel; `seeds`: guesses to begin with; `fit`: going down from each to a minimum;
+//! - `path`: what a guess would feel; `seeds`: guesses to begin with, and `between`, what lies between them; `fit`: going down from
+//!   each to a minimum;
 //! - `valley`: how far a minimum reaches where its valley bends;
 //! - `symmetry`: turns of the part that nobody can tell apart;
 //! - `explained`: what an answer leaves of what was felt;
@@ -27,6 +28,7 @@
 //! Frames: finger axes, with the origin of the motion's file; force is the force on the finger's disk. Units: SI.
 //! Errors: none. "No pose explains the force" and "several do" are answers.
 
+mod between;
 mod end;
 mod explained;
 mod felt;

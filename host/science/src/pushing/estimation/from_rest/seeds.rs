@@ -10,6 +10,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
+use super::between::Nearby;
 use super::fit::{MU_C_MAX, MU_C_MIN, Problem, Tried};
 use super::model::sought;
 use super::path::Guess;
@@ -55,6 +56,10 @@ const TURNS_NEAR: f64 = 0.1;
 
 /// Guesses beside what costs so many times the least there is are not played. At a hundred times one of 400 pushes is lost.
 const HOPELESS_BESIDE: f64 = 300.0;
+
+/// Nor are those that cost so many times as much by what the guesses around them leave unexplained: a third of the rest. Of 600
+/// pushes none is lost. To give up the best guesses of the grid likewise, before a step of a fit, loses one of 150.
+const HOPELESS_BETWEEN: f64 = 3.0;
 
 /// How close the grid is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -118,6 +123,12 @@ impl Seed {
     fn is_beside(&self, place: usize, u: f64) -> bool {
         self.place.abs_diff(place) <= 1 && (self.tried.guess.u - u).abs() < FAMILY
     }
+
+    /// Whether the force is compared from the same moment on.
+    #[expect(clippy::float_cmp, reason = "one of a few onsets that are tried")]
+    fn has_onset_of(&self, other: &Self) -> bool {
+        self.tried.guess.delay == other.tried.guess.delay
+    }
 }
 
 /// A place on an edge, with the contact angles that agree with the first direction of the force.
@@ -141,16 +152,15 @@ struct Grid<'f> {
 /// contact does the same: where it slips back, or sticks in between, another minimum begins, however dear its first guess.
 /// A guess with another friction may be cheaper and lead elsewhere: two of 2,500 pushes are lost where it counts too.
 ///
-/// A dense grid is played thinly first, and then where that is not hopeless beside the least cost of all edges
-/// ([`HOPELESS_BESIDE`]).
+/// A dense grid is played thinly first, and then where that is not hopeless ([`HOPELESS_BETWEEN`], [`HOPELESS_BESIDE`]).
 pub(super) fn on_edges(problem: &Problem, edges: &[usize], cover: Cover, halt: &Halt<'_>) -> Vec<Tried> {
     let frictions = problem.course.mu_c.map_or_else(|| cover.frictions(), |known| vec![known]);
     let wanted = edges.iter().take_while(|_| !halt.is_wished());
     let mut grids: Vec<_> = wanted.filter_map(|&edge| Grid::thin(problem, edge, cover, &frictions)).collect();
     let costs = grids.iter().flat_map(|grid| &grid.seeds).map(|seed| seed.tried.cost);
-    let hopeless = HOPELESS_BESIDE * costs.fold(f64::INFINITY, f64::min);
+    let least = costs.fold(f64::INFINITY, f64::min);
     for grid in grids.iter_mut().filter(|grid| grid.step > 1).take_while(|_| !halt.is_wished()) {
-        grid.fill(problem, hopeless);
+        grid.fill(problem, least);
     }
     grids.into_iter().flat_map(Grid::into_best).collect()
 }
@@ -166,18 +176,53 @@ impl<'f> Grid<'f> {
         Some(grid)
     }
 
-    /// Plays the rest, but for what lies beside hopeless guesses alone.
-    fn fill(&mut self, problem: &Problem, hopeless: f64) {
+    /// Plays the rest, but for what is hopeless beside the least cost there is.
+    fn fill(&mut self, problem: &Problem, least: f64) {
         let more = self.played(problem, |place, friction, u| {
-            let is_next = |seed: &&Seed| {
-                let is_next = seed.friction.abs_diff(friction) < self.step || seed.friction == self.rolling();
-                is_next && seed.is_beside(place, u)
-            };
-            let mut beside = self.seeds.iter().filter(is_next).peekable();
-            let is_hopeful = beside.peek().is_none() || beside.any(|seed| seed.tried.cost <= hopeless);
-            is_hopeful && !self.is_first(place, friction)
+            !self.is_first(place, friction) && self.is_hopeful(place, friction, u, least)
         });
         self.seeds.extend(more);
+    }
+
+    /// Whether a guess between those of the thin grid is worth playing.
+    fn is_hopeful(&self, place: usize, friction: usize, u: f64, least: f64) -> bool {
+        let corners = self.corners(place, friction, u);
+        let known: Vec<_> = corners.iter().flatten().collect();
+        if known.iter().all(|corner| corner.tried.cost > HOPELESS_BESIDE * least) {
+            return known.is_empty();
+        }
+        // That the contact does something else is mostly the change of one number too: no jump.
+        let is_alike = known.len() == corners.len() && known.iter().all(|corner| corner.has_onset_of(known[0]));
+        let rests: Vec<_> = known.iter().map(|corner| corner.tried.rest()).collect();
+        let least_cost = match rests[..] {
+            [a, b] if is_alike => Nearby { rest: a, ways: [Some(&(b - a)), None] }.least_cost(),
+            [a, b, c, d] if is_alike => {
+                let ways = [(c + d - a - b) * 0.5, (b + d - a - c) * 0.5];
+                let corner = (a + b + c + d) * 0.25 - (&ways[0] + &ways[1]) * 0.5;
+                Nearby { rest: &corner, ways: ways.each_ref().map(Some) }.least_cost()
+            }
+            _ => 0.0,
+        };
+        least_cost <= HOPELESS_BETWEEN * least
+    }
+
+    /// The guesses of the thin grid that a guess is between, by place and then by friction; none where one could not be played.
+    fn corners(&self, place: usize, friction: usize, u: f64) -> Vec<Option<&Seed>> {
+        let around = |number: usize| {
+            let off = number % self.step;
+            if off == 0 { vec![number] } else { vec![number - off, number - off + self.step] }
+        };
+        let frictions = if friction == self.rolling() { vec![friction] } else { around(friction) };
+        let at = |place: usize, friction: usize| {
+            let mu_c = self.frictions.get(friction).copied().unwrap_or(f64::INFINITY);
+            let off = |seed: &Seed| (seed.tried.guess.u - u).abs();
+            let is_there = |seed: &&Seed| {
+                let rolls = seed.friction == self.rolling() && seed.tried.path.friction_needed <= mu_c;
+                seed.place == place && off(seed) < FAMILY && (seed.friction == friction || rolls)
+            };
+            self.seeds.iter().filter(is_there).min_by(|a, b| off(a).total_cmp(&off(b)))
+        };
+        around(place).into_iter().flat_map(|place| frictions.iter().map(move |&friction| at(place, friction))).collect()
     }
 
     /// What stands for rolling among the frictions.
