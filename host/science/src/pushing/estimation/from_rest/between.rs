@@ -1,7 +1,8 @@
 //! What lies between guesses that were played: about how much it may cost.
 //!
-//! What a guess leaves unexplained changes nearly evenly from one to the next, as long as the contact does the same. So the
-//! least that is left between some is that of a line or a plane through theirs, and a little less.
+//! What a guess leaves unexplained changes nearly evenly from one to the next, mostly also where the contact does something else:
+//! when it changes is no jump either. So the least that is left between some is that of a line or a plane through theirs, and a
+//! little less.
 //!
 //! Units: standard deviations. Errors: none.
 

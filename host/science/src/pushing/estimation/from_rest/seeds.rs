@@ -191,7 +191,6 @@ impl<'f> Grid<'f> {
         if known.iter().all(|corner| corner.tried.cost > HOPELESS_BESIDE * least) {
             return known.is_empty();
         }
-        // That the contact does something else is mostly the change of one number too: no jump.
         let is_alike = known.len() == corners.len() && known.iter().all(|corner| corner.has_onset_of(known[0]));
         let rests: Vec<_> = known.iter().map(|corner| corner.tried.rest()).collect();
         let least_cost = match rests[..] {
