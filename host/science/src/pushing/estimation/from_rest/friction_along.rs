@@ -75,15 +75,11 @@ impl FrictionAlong {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the knots")]
         let before = (place.floor() as usize).min(last - 1);
         let t = place - before as f64;
-        let rest = 1.0 - t;
-        let weights = [
-            rest * rest * rest / 6.0,
-            (4.0 - 6.0 * t * t + 3.0 * t * t * t) / 6.0,
-            (4.0 - 6.0 * rest * rest + 3.0 * rest * rest * rest) / 6.0,
-            t * t * t / 6.0,
-        ];
-        let near = &self.coefficients[before - 1..];
-        weights.iter().zip(near).map(|(weight, coefficient)| weight * coefficient).sum::<f64>().exp()
+        let far = |t: f64| t * t * t / 6.0;
+        let near = |t: f64| (4.0 - 6.0 * t * t + 3.0 * t * t * t) / 6.0;
+        let weights = [far(1.0 - t), near(t), near(1.0 - t), far(t)];
+        let coefficients = &self.coefficients[before - 1..];
+        weights.iter().zip(coefficients).map(|(weight, coefficient)| weight * coefficient).sum::<f64>().exp()
     }
 }
 

@@ -10,7 +10,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use super::between::Nearby;
+use super::between::least_cost;
 use super::fit::{MU_C_MAX, MU_C_MIN, Problem, Tried};
 use super::model::sought;
 use super::path::Guess;
@@ -193,16 +193,12 @@ impl<'f> Grid<'f> {
         }
         let is_alike = known.len() == corners.len() && known.iter().all(|corner| corner.has_onset_of(known[0]));
         let rests: Vec<_> = known.iter().map(|corner| corner.tried.rest()).collect();
-        let least_cost = match rests[..] {
-            [a, b] if is_alike => Nearby { rest: a, ways: [Some(&(b - a)), None] }.least_cost(),
-            [a, b, c, d] if is_alike => {
-                let ways = [(c + d - a - b) * 0.5, (b + d - a - c) * 0.5];
-                let corner = (a + b + c + d) * 0.25 - (&ways[0] + &ways[1]) * 0.5;
-                Nearby { rest: &corner, ways: ways.each_ref().map(Some) }.least_cost()
-            }
+        let between = match rests[..] {
+            [a, b] if is_alike => least_cost([a, a, b, b]),
+            [a, b, c, d] if is_alike => least_cost([a, b, c, d]),
             _ => 0.0,
         };
-        least_cost <= HOPELESS_BETWEEN * least
+        between <= HOPELESS_BETWEEN * least
     }
 
     /// The guesses of the thin grid that a guess is between, by place and then by friction; none where one could not be played.
@@ -213,12 +209,8 @@ impl<'f> Grid<'f> {
         };
         let frictions = if friction == self.rolling() { vec![friction] } else { around(friction) };
         let at = |place: usize, friction: usize| {
-            let mu_c = self.frictions.get(friction).copied().unwrap_or(f64::INFINITY);
             let off = |seed: &Seed| (seed.tried.guess.u - u).abs();
-            let is_there = |seed: &&Seed| {
-                let rolls = seed.friction == self.rolling() && seed.tried.path.friction_needed <= mu_c;
-                seed.place == place && off(seed) < FAMILY && (seed.friction == friction || rolls)
-            };
+            let is_there = |seed: &&Seed| seed.place == place && off(seed) < FAMILY && self.stands_for(seed, friction);
             self.seeds.iter().filter(is_there).min_by(|a, b| off(a).total_cmp(&off(b)))
         };
         around(place).into_iter().flat_map(|place| frictions.iter().map(move |&friction| at(place, friction))).collect()
@@ -227,6 +219,17 @@ impl<'f> Grid<'f> {
     /// What stands for rolling among the frictions.
     fn rolling(&self) -> usize {
         self.frictions.len()
+    }
+
+    /// µ_c of a friction's number.
+    fn friction(&self, number: usize) -> f64 {
+        self.frictions.get(number).copied().unwrap_or(f64::INFINITY)
+    }
+
+    /// Whether a friction changes nothing of a guess: it is the guess's own, or what rolls needs no more.
+    fn stands_for(&self, seed: &Seed, friction: usize) -> bool {
+        let suffices = || seed.tried.path.friction_needed <= self.friction(friction);
+        seed.friction == friction || seed.friction == self.rolling() && suffices()
     }
 
     fn is_first(&self, place: usize, friction: usize) -> bool {
@@ -239,15 +242,15 @@ impl<'f> Grid<'f> {
         // What rolls comes first: where one friction suffices for it, another that suffices too changes nothing.
         let rolling = problem.course.mu_c.is_none().then_some(self.rolling());
         for friction in rolling.into_iter().chain(0..self.frictions.len()) {
-            let mu_c = self.frictions.get(friction).copied().unwrap_or(f64::INFINITY);
+            let mu_c = self.friction(friction);
             for place in &self.places {
                 let angles = place.angles.solutions(mu_c).into_iter().filter(|u| wanted(place.index, friction, *u));
                 for u in angles {
-                    let rolls = self.seeds.iter().chain(&played).any(|seed| {
+                    let is_played = self.seeds.iter().chain(&played).any(|seed| {
                         let is_same = seed.place == place.index && (seed.tried.guess.u - u).abs() < SAME_ANGLE;
-                        is_same && seed.friction == self.rolling() && seed.tried.path.friction_needed <= mu_c
+                        is_same && self.stands_for(seed, friction)
                     });
-                    if !rolls {
+                    if !is_played {
                         let guess = Guess { edge: self.edge, u, s: place.s, mu_c, ..Guess::AT_REST };
                         let can_be = |it: &Tried| mu_c.is_finite() || it.path.friction_needed < NEEDED_MAX;
                         let tried = problem.try_onsets(guess).filter(can_be);
