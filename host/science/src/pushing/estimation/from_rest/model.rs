@@ -19,8 +19,8 @@ use crate::math::ode::{self, Moment};
 use crate::math::rosenbrock::Linearised;
 use crate::pushing::dynamics::contact_mode::jams;
 use crate::pushing::dynamics::{
-    ContactLaw, ContactMode, EdgeEnd, FingerShape, LinearisedMotion, Motion, Part, PartSide, Push, PushModel,
-    RestError, RestStart, ShapedModel, ShapedPush, Start, State, Turning, stiff_step,
+    ContactLaw, ContactMode, EdgeEnd, FingerPath, FingerShape, LinearisedMotion, Motion, Part, PartSide, Push,
+    PushModel, RestError, RestStart, ShapedModel, ShapedPush, Start, State, Turning, stiff_step,
 };
 use crate::pushing::finger_motion::Leg;
 
@@ -139,9 +139,23 @@ impl<'p> PlayedModel<'p> {
 
     /// Of the finger, m/s².
     pub(super) fn acceleration(&self) -> Vector2<f64> {
+        self.finger_path().acceleration
+    }
+
+    /// How long after a time the finger's way has turned by an angle (rad, below a right one), s; without end where it
+    /// never does.
+    pub(super) fn turns_after(&self, time: f64, angle: f64) -> f64 {
+        let path = self.finger_path();
+        let velocity = path.velocity(time);
+        let (across, along) = (velocity.perp(&path.acceleration).abs(), velocity.dot(&path.acceleration));
+        let toward = across - along * angle.tan();
+        if toward > 0.0 { velocity.norm_squared() * angle.tan() / toward } else { f64::INFINITY }
+    }
+
+    fn finger_path(&self) -> FingerPath {
         match self {
-            Self::Edge(model) => model.finger.acceleration,
-            Self::Shaped(shaped) => shaped.model.path.acceleration,
+            Self::Edge(model) => model.finger.path(),
+            Self::Shaped(shaped) => shaped.model.path,
         }
     }
 

@@ -44,6 +44,16 @@ const STEP_STIFF_S: f64 = 1e-4;
 /// The same of coarse steps, s: an implicit one costs as much as two explicit ones.
 const STEP_STIFF_COARSE_S: f64 = 0.01;
 
+/// A step in which the finger's way turns by more than this, rad, is shorter: friction turns with a part that follows, quickly
+/// where the finger nearly stops.
+const STEP_TURN_RAD: f64 = 0.05;
+
+/// The same of coarse steps.
+const STEP_TURN_COARSE_RAD: f64 = 0.3;
+
+/// But no shorter than this for that, s.
+const STEP_TURNING_S: f64 = 2e-4;
+
 /// How exactly a change of the contact is found, as a share of a step: 25 ns of a step of 5 ms, so that forces are
 /// smooth in the guess.
 const CHANGE_SHARE: f64 = 5e-6;
@@ -111,6 +121,14 @@ impl Resolution {
             Self::Coarse => STEP_STIFF_COARSE_S,
         }
     }
+
+    /// The most by which the finger's way may turn in a step, rad.
+    fn turn_rad(self) -> f64 {
+        match self {
+            Self::Fine => STEP_TURN_RAD,
+            Self::Coarse => STEP_TURN_COARSE_RAD,
+        }
+    }
 }
 
 /// How the part is at the start.
@@ -154,8 +172,18 @@ struct Jump {
     time: f64,
     /// By how much, m/s².
     by: Vector2<f64>,
-    /// Whether the finger's motion says when: the onset, and where its acceleration changes.
-    is_of_finger: bool,
+    cause: Cause,
+}
+
+/// What makes the force jump.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Cause {
+    /// The finger's motion, which says when: the onset, and where its acceleration changes.
+    Finger,
+    /// The contact, which changes.
+    Contact,
+    /// None: the force turns within a step that is short beside the windows' grid.
+    Turning,
 }
 
 /// The modes of a contact in their order, as digits of base 4, the last one lowest; of a long course the last sixteen.
@@ -196,12 +224,16 @@ impl Path {
 impl Path {
     /// The force at times that are asked for in ascending order, its jumps spread over `spread`, s.
     pub(super) fn forces(&self, spread: f64) -> ForceReader<'_> {
-        ForceReader::new(self, self.jumps.clone(), spread)
+        self.reader(spread, |cause| cause != Cause::Turning)
     }
 
     /// The same where times are those of the finger's motion: jumps of which that says when are not spread.
     pub(super) fn forces_in_finger_time(&self, spread: f64) -> ForceReader<'_> {
-        let jumps = self.jumps.iter().filter(|jump| !jump.is_of_finger).copied().collect();
+        self.reader(spread, |cause| cause == Cause::Contact)
+    }
+
+    fn reader(&self, spread: f64, is_spread: impl Fn(Cause) -> bool) -> ForceReader<'_> {
+        let jumps = self.jumps.iter().filter(|jump| is_spread(jump.cause)).copied().collect();
         ForceReader::new(self, jumps, spread)
     }
 }
@@ -220,7 +252,7 @@ pub(super) struct ForceReader<'a> {
     jump: usize,
 }
 
-/// The force between two knots.
+/// The force between two knots: by Newton's polynomial through them and those next to them with no jump between.
 #[derive(Clone, Copy)]
 struct Piece {
     before: (f64, Vector2<f64>),
@@ -228,30 +260,36 @@ struct Piece {
     slope: Vector2<f64>,
     /// Half of the second derivative.
     bend: Vector2<f64>,
+    /// Where that is so, s, and a sixth of the third.
+    twist: (f64, Vector2<f64>),
 }
 
 impl Piece {
-    /// Up to a knot: by a parabola through three knots with no jump between them, where there are three; the last force after the
-    /// last.
+    /// Up to a knot; the last force after the last.
     fn up_to(knots: &[(f64, Vector2<f64>)], next: usize) -> Self {
+        let zero = Vector2::zeros();
         let before = knots[next - 1];
         let Some(&after) = knots.get(next) else {
-            return Self { before, after: f64::MAX, slope: Vector2::zeros(), bend: Vector2::zeros() };
+            return Self { before, after: f64::MAX, slope: zero, bend: zero, twist: (0.0, zero) };
         };
-        let slope = (after.1 - before.1) / (after.0 - before.0);
+        let steep = |a: (f64, Vector2<f64>), b: (f64, Vector2<f64>)| (b.1 - a.1) / (b.0 - a.0);
+        let slope = steep(before, after);
         let further = knots.get(next + 1).filter(|further| further.0 > after.0);
         let earlier = next.checked_sub(2).map(|index| knots[index]).filter(|earlier| earlier.0 < before.0);
-        let bend = match (further, earlier) {
-            (Some(further), _) => ((further.1 - after.1) / (further.0 - after.0) - slope) / (further.0 - before.0),
-            (None, Some(earlier)) => (slope - (before.1 - earlier.1) / (before.0 - earlier.0)) / (after.0 - earlier.0),
-            (None, None) => Vector2::zeros(),
+        let after_bend = further.map(|&further| (further.0, (steep(after, further) - slope) / (further.0 - before.0)));
+        let before_bend = earlier.map(|earlier| (earlier.0, (slope - steep(earlier, before)) / (after.0 - earlier.0)));
+        let (bend, twist) = match (before_bend, after_bend) {
+            (Some((earlier, one)), Some((further, other))) => (one, (earlier, (other - one) / (further - earlier))),
+            (Some((_, bend)), None) | (None, Some((_, bend))) => (bend, (0.0, zero)),
+            (None, None) => (zero, (0.0, zero)),
         };
-        Self { before, after: after.0, slope, bend }
+        Self { before, after: after.0, slope, bend, twist }
     }
 
     fn at(&self, time: f64) -> Vector2<f64> {
-        let since = time - self.before.0;
-        self.before.1 + (self.slope + self.bend * (time - self.after)) * since
+        let (from, twist) = self.twist;
+        let bend = self.bend + twist * (time - from);
+        self.before.1 + (self.slope + bend * (time - self.after)) * (time - self.before.0)
     }
 }
 
@@ -515,7 +553,7 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
         let state = model.after_rest([u, s], &start, later);
         let path = Path {
             smooth: vec![Vector2::zeros()],
-            jumps: vec![Jump { time: 0.0, by: force, is_of_finger: true }],
+            jumps: vec![Jump { time: 0.0, by: force, cause: Cause::Finger }],
             knots: vec![(0.0, force)],
             end: state,
             contact_start: contact,
@@ -605,10 +643,18 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
         while self.time < until - SAME_TIME_S {
             let next = self.path.smooth.len() + resolution.stride() - 1;
             let left = (hann_windows::GRID_S * as_f64(next) - self.time).min(until - self.time);
+            let turning = self.model.turns_after(self.time - self.leg_from, resolution.turn_rad()).max(STEP_TURNING_S);
+            let turned = (turning < left).then(|| (self.time, self.force(), self.path.jumps.len()));
+            let left = left.min(turning);
             let explicit = STEP_OF_MEMORY / self.fastest_rate();
             // An explicit one is cheaper where it reaches as far.
             let stiff = explicit < resolution.stiff_s().min(left);
             self.step(if stiff { left } else { explicit.min(left) }, stiff)?;
+            if let Some((from, before, jumps)) = turned
+                && jumps == self.path.jumps.len()
+            {
+                self.note_turn(from, before);
+            }
             self.note(next);
         }
         self.path.end = State { v_t: self.v_t(), ..self.state };
@@ -650,6 +696,14 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
             smooth.push(force - jumped);
             self.path.knots.push((self.time, force));
         }
+    }
+
+    /// Keeps what the force was before a short step over which it turned: under a window as good as a jump midway.
+    fn note_turn(&mut self, from: f64, before: Vector2<f64>) {
+        let force = self.force();
+        self.path.knots.push((self.time, force));
+        let jump = Jump { time: 0.5 * (from + self.time), by: force - before, cause: Cause::Turning };
+        self.path.jumps.push(jump);
     }
 
     /// Takes a step, or the part of it that ends in a change of the contact.
@@ -720,7 +774,7 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
         let rolling = self.model.motion(&ContactMode::Rolling, local, &self.state);
         self.contact = self.friction(self.state.s).after(&self.contact, &rolling.force());
         self.look();
-        self.jump(force_before, false)
+        self.jump(force_before, Cause::Contact)
     }
 
     /// Goes over to another acceleration of the finger: what rolled may slip at once.
@@ -733,7 +787,7 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
             self.contact = self.friction(self.state.s).without_slip(&self.now.motion.force());
             self.look();
         }
-        self.jump(force_before, true)
+        self.jump(force_before, Cause::Finger)
     }
 
     /// Keeps the force where its course ends.
@@ -744,13 +798,13 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
         }
     }
 
-    fn jump(&mut self, force_before: Vector2<f64>, is_of_finger: bool) -> Result<(), Lost> {
+    fn jump(&mut self, force_before: Vector2<f64>, cause: Cause) -> Result<(), Lost> {
         self.path.slipped |= self.contact != ContactMode::Rolling;
         self.path.course = self.path.course.then(&self.contact);
         let force = self.force();
         self.path.knots.extend([(self.time, force_before), (self.time, force)]);
-        self.path.jumps.push(Jump { time: self.time, by: force - force_before, is_of_finger });
-        let changes = self.path.jumps.iter().filter(|jump| !jump.is_of_finger).count();
+        self.path.jumps.push(Jump { time: self.time, by: force - force_before, cause });
+        let changes = self.path.jumps.iter().filter(|jump| jump.cause == Cause::Contact).count();
         if changes > CHANGES_MAX { Err(Lost::Contact) } else { Ok(()) }
     }
 }
