@@ -46,6 +46,13 @@ const FITS_BEFORE: usize = 3;
 /// come near step by step.
 const NOISIER: [f64; 3] = [16.0, 6.0, 2.5];
 
+/// A fit that begins at a higher cost than the one before, by more than this, has led too far: the next begins midway. One
+/// standard deviation.
+const RISE_MAX: f64 = 1.0;
+
+/// How often, at the most.
+const HALVINGS: usize = 4;
+
 /// A fit that changes the cost by less is the last.
 const COST_STEP: f64 = 0.01;
 
@@ -261,9 +268,8 @@ impl Unknown<'_, '_> {
     /// What a minimum of something else costs by what was felt, with numbers near its own.
     fn cost(&self, of: &NumberedMinimum, felt: &dyn Felt) -> Option<f64> {
         let begun = self.begun(of.tried.guess)?;
-        let numbered = self.numbered(&of.taken, &begun, &self.friction_along(begun.guess)?)?;
-        let course = numbered.course(self.course);
-        Some(Problem { course: &course, measured: felt, mass: self.mass }.try_guess(begun.guess)?.cost)
+        let knots = self.friction_along(begun.guess)?;
+        Some(self.seen(begun.guess, &of.taken, &begun, &knots, felt)?.1.cost)
     }
 
     /// The minimum of the last of several things felt, to which those before it lead one after the other.
@@ -280,29 +286,45 @@ impl Unknown<'_, '_> {
             let is_last = stage + 1 == felt.len();
             let fits = if is_last { effort.fits } else { FITS_BEFORE };
             let mut before = f64::INFINITY;
+            // Where the fit before began, and what it cost.
+            let mut from: Option<(Guess, Vec<f64>, f64)> = None;
             for fit in 1..=fits {
                 // What is not at its minimum is no answer.
                 if halt.is_wished() {
                     return None;
                 }
-                let numbered = self.numbered(&off, begun, &knots)?;
+                let mut there = self.seen(guess, &off, begun, &knots, measured);
+                for (from, from_off, cost) in std::iter::repeat_n(&from, HALVINGS).flatten() {
+                    if there.as_ref().is_some_and(|(_, begin)| begin.cost <= cost + RISE_MAX) {
+                        break;
+                    }
+                    guess = guess.midway(from);
+                    off.iter_mut().zip(from_off).for_each(|(off, from)| *off = 0.5 * (*off + from));
+                    there = self.seen(guess, &off, begun, &knots, measured);
+                }
+                let (numbered, begin) = there?;
+                from = Some((guess, off.clone(), begin.cost));
                 let course = numbered.course(self.course);
                 let problem = Problem { course: &course, measured, mass: self.mass };
-                let begin = problem.try_guess(guess)?;
                 // What the numbers change follows the guess slowly: it is seen once a fit.
                 let held = Instead::held(measured, begin.predicted.numbers.clone());
                 let sure = Problem { course: &course.sure(), measured: &held, mass: self.mass };
-                let tried = sure.descend(begin, effort.steps);
+                let tried = sure.descend(begin.clone(), effort.steps);
                 guess = tried.guess;
                 // The cost by straight lines; where nothing changes any more, it is the cost.
                 let is_still = (before - tried.cost).abs() < COST_STEP;
                 before = tried.cost;
                 // They are found in deviations from their priors.
-                off = sure.taken_of_numbers(&tried).iter().zip(&begun.prior).map(|(off, prior)| off + prior).collect();
+                let taken = |tried: &Tried| -> Vec<f64> {
+                    sure.taken_of_numbers(tried).iter().zip(&begun.prior).map(|(off, prior)| off + prior).collect()
+                };
+                off = taken(&tried);
                 if is_last && (is_still || fit == fits) {
-                    let tried = problem.try_guess(guess)?;
+                    // The last straight lines may have led too far, too.
+                    let tried = problem.try_guess(guess).filter(|tried| tried.cost <= begin.cost);
+                    let (tried, taken) = tried.map_or_else(|| (begin.clone(), taken(&begin)), |tried| (tried, off));
                     drop(course);
-                    return Some(NumberedMinimum { tried, numbered, taken: off });
+                    return Some(NumberedMinimum { tried, numbered, taken });
                 }
                 if is_still {
                     break;
@@ -310,6 +332,23 @@ impl Unknown<'_, '_> {
             }
         }
         None
+    }
+
+    /// What a guess with numbers comes to, each of them seen there.
+    fn seen(
+        &self,
+        guess: Guess,
+        off: &[f64],
+        begun: &NumberedGuess,
+        knots: &FrictionAlong,
+        measured: &dyn Felt,
+    ) -> Option<(Numbered, Tried)> {
+        let numbered = self.numbered(off, begun, knots)?;
+        let tried = {
+            let course = numbered.course(self.course);
+            Problem { course: &course, measured, mass: self.mass }.try_guess(guess)?
+        };
+        Some((numbered, tried))
     }
 
     /// How many numbers the part has.

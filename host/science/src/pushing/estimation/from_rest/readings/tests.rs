@@ -3,6 +3,7 @@ mod turning;
 
 use nalgebra::Matrix3;
 
+use super::super::path::Changed;
 use super::super::trial::{Drawn, PoseError, RADIUS_M, Ranges, pose_error, random_part};
 use super::*;
 use crate::geometry::SimplePolygon;
@@ -169,6 +170,54 @@ fn a_centre_of_mass_that_is_off_by_millimetres_hides_no_pose_once_that_is_said()
         right += usize::from(is_right);
     }
     assert!(right + 1 >= CASES, "{right} of {CASES}");
+}
+
+/// With numbers far better told by what was felt than before, straight lines reach but a little of the way: a fit that follows
+/// them goes down all the same.
+#[test]
+fn a_fit_with_numbers_ends_where_every_small_change_costs_more() {
+    /// A centre of mass that is known so badly, m, and readings that are told to be so good, N.
+    const CENTRE_M: f64 = 2e-3;
+    const QUIET_N: f64 = 5e-4;
+    /// What is the same minimum.
+    const SAME_COST: f64 = 0.5;
+    let mut judged = 0;
+    for case in 0..6 {
+        let mut draw = Draw::case(28, case);
+        let drawn = Case::draw(&mut draw);
+        let readings = drawn.readings(&mut draw, 0.0);
+        // What it is told to be.
+        let off = Vector2::new(draw.normal(), draw.normal()) * CENTRE_M;
+        let told = drawn.part.redistributed(off, Vector2::zeros(), &nalgebra::Matrix2::identity());
+        let errors = Some(PartErrors { centre_of_mass_sigma: CENTRE_M, ..PartErrors::NONE });
+        let known = KnownOfFinger { errors, noise: QUIET_N, mass: None, mu_c: None, ..drawn.known(&told) };
+        let push = FeltPush::new(&known, &readings, None).unwrap();
+        let Drawn { edge, u, s, mu_c, .. } = drawn.drawn;
+        let state = State { u, s, omega: 0.0, v_t: 0.0 };
+        let begun = push.guess(&Beginning { edge, state, is_rolling: true, mu_c }).unwrap();
+        let halt = &Halt::new(&never);
+        let Some(Minimum { found: Fitted::Numbered(found), .. }) = push.minimum(begun, false, halt) else { continue };
+        // The cost with each number held, and what it is off costing its square.
+        let cost = |guess: Guess, off: &[f64]| {
+            let part = Changed::Part(errors.unwrap().moved(&told, off).unwrap());
+            push.problem(&push.course.with(&part)).try_guess(guess).unwrap().cost
+                + off.iter().map(|off| off * off).sum::<f64>()
+        };
+        let (guess, taken) = (found.tried.guess, &found.taken);
+        let here = cost(guess, taken);
+        for (du, ds) in [(1e-4, 0.0), (-1e-4, 0.0), (0.0, 1e-5), (0.0, -1e-5)] {
+            let there = cost(Guess { u: guess.u + du, s: guess.s + ds, ..guess }, taken);
+            assert!(there > here - SAME_COST, "case {case}, ({du}, {ds}): {there} below {here}");
+        }
+        for (number, by) in [(0, 0.02), (0, -0.02), (1, 0.02), (1, -0.02)] {
+            let mut off = taken.clone();
+            off[number] += by;
+            let there = cost(guess, &off);
+            assert!(there > here - SAME_COST, "case {case}, number {number} by {by}: {there} below {here}");
+        }
+        judged += 1;
+    }
+    assert!(judged >= 4, "{judged}");
 }
 
 /// Where a valley is straight, what might have been felt instead spreads as slopes say.
