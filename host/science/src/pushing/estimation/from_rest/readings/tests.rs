@@ -189,8 +189,9 @@ fn a_fit_with_numbers_ends_where_every_small_change_costs_more() {
         // What it is told to be.
         let off = Vector2::new(draw.normal(), draw.normal()) * CENTRE_M;
         let told = drawn.part.redistributed(off, Vector2::zeros(), &nalgebra::Matrix2::identity());
-        let errors = Some(PartErrors { centre_of_mass_sigma: CENTRE_M, ..PartErrors::NONE });
-        let known = KnownOfFinger { errors, noise: QUIET_N, mass: None, mu_c: None, ..drawn.known(&told) };
+        let errors = PartErrors { centre_of_mass_sigma: CENTRE_M, ..PartErrors::NONE };
+        let known =
+            KnownOfFinger { errors: Some(errors), noise: QUIET_N, mass: None, mu_c: None, ..drawn.known(&told) };
         let push = FeltPush::new(&known, &readings, None).unwrap();
         let Drawn { edge, u, s, mu_c, .. } = drawn.drawn;
         let state = State { u, s, omega: 0.0, v_t: 0.0 };
@@ -199,7 +200,7 @@ fn a_fit_with_numbers_ends_where_every_small_change_costs_more() {
         let Some(Minimum { found: Fitted::Numbered(found), .. }) = push.minimum(begun, false, halt) else { continue };
         // The cost with each number held, and what it is off costing its square.
         let cost = |guess: Guess, off: &[f64]| {
-            let part = Changed::Part(errors.unwrap().moved(&told, off).unwrap());
+            let part = Changed::Part(errors.moved(&told, off).unwrap());
             push.problem(&push.course.with(&part)).try_guess(guess).unwrap().cost
                 + off.iter().map(|off| off * off).sum::<f64>()
         };
