@@ -8,8 +8,9 @@
 //!
 //! Coulomb's law decides between rolling and sliding; where that changes, the instant is found by bisection. Steps
 //! follow the time in which friction forgets a slow part's speed, v/(µg), so that the first milliseconds cost no more
-//! than the rest. A force that jumps (where the finger's acceleration does, or where sliding stops) is kept apart from
-//! its smooth course: sums over a coarse grid are then as good as integrals.
+//! than the rest; where the finger nearly stops they are as short as its way turns. A force that jumps (where the finger's
+//! acceleration does, or where sliding stops) is kept apart from its smooth course: sums over a coarse grid are then as good
+//! as integrals.
 //!
 //! Assumes: the contact stays on its edge's line. Frames: finger axes; forces are those on the finger's disk, per unit
 //! mass of the part. Units: SI. Errors: [`Lost`].

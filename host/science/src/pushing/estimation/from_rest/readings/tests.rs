@@ -76,6 +76,12 @@ impl Case {
         before.into_iter().filter(|_| from <= 0.0).chain(read).collect()
     }
 
+    /// As the push began, if its contact rolled.
+    fn beginning(&self) -> Beginning {
+        let Drawn { edge, u, s, mu_c, .. } = self.drawn;
+        Beginning { edge, state: State { u, s, omega: 0.0, v_t: 0.0 }, is_rolling: true, mu_c }
+    }
+
     /// Whether a hypothesis has the true pose within what it states: once in a thousand times it has not.
     fn is_right(&self, part: &Part, found: &ForceHypothesis, time: f64) -> bool {
         let truth = self.drawn.played.pose(time).unwrap();
@@ -193,9 +199,7 @@ fn a_fit_with_numbers_ends_where_every_small_change_costs_more() {
         let known =
             KnownOfFinger { errors: Some(errors), noise: QUIET_N, mass: None, mu_c: None, ..drawn.known(&told) };
         let push = FeltPush::new(&known, &readings, None).unwrap();
-        let Drawn { edge, u, s, mu_c, .. } = drawn.drawn;
-        let state = State { u, s, omega: 0.0, v_t: 0.0 };
-        let begun = push.guess(&Beginning { edge, state, is_rolling: true, mu_c }).unwrap();
+        let begun = push.guess(&drawn.beginning()).unwrap();
         let halt = &Halt::new(&never);
         let Some(Minimum { found: Fitted::Numbered(found), .. }) = push.minimum(begun, false, halt) else { continue };
         // The cost with each number held, and what it is off costing its square.
@@ -235,9 +239,7 @@ fn samples_of_a_minimum_spread_as_its_slopes_say() {
         let errors = Some(PartErrors { outline_sigma: 1e-4, ..PartErrors::NONE });
         let known = KnownOfFinger { errors, mu_c: None, ..drawn.known(&drawn.part) };
         let push = FeltPush::new(&known, &readings, None).unwrap();
-        let Drawn { edge, u, s, mu_c, .. } = drawn.drawn;
-        let state = State { u, s, omega: 0.0, v_t: 0.0 };
-        let begun = push.guess(&Beginning { edge, state, is_rolling: true, mu_c }).unwrap();
+        let begun = push.guess(&drawn.beginning()).unwrap();
         let halt = &Halt::new(&never);
         let Some(Minimum { found: Fitted::Numbered(found), .. }) = push.minimum(begun, false, halt) else { continue };
         let course = found.numbered.course(&push.course);
