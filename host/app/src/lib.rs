@@ -19,6 +19,7 @@ mod recording;
 mod report;
 mod screen;
 pub mod thesis;
+mod threads;
 #[cfg(feature = "web")]
 mod web;
 mod width;

@@ -8,8 +8,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a benchmark stops at the first surprise")]
 
-use std::cell::Cell;
 use std::f64::consts::{FRAC_PI_2, TAU};
+use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use palpate_files::solve::kinds::corner_poses::CornerPoses;
@@ -88,25 +88,37 @@ struct Run {
     ended: String,
 }
 
+/// How a search has asked whether to end.
+struct Looks {
+    count: usize,
+    /// The longest time that it worked without asking.
+    gap: Duration,
+    /// When it asked last, and how long it had worked.
+    asked: Instant,
+    used: Duration,
+    is_over: bool,
+}
+
 fn case<P: Problem>(problem: Value) -> Case {
     Box::new(move || {
         let problem: P = serde_json::from_value(problem).unwrap();
         let begun = processor_time();
-        let (looks, gap, last) = (Cell::new(0), Cell::new(Duration::ZERO), Cell::new((Instant::now(), begun)));
-        let wished = Cell::new(false);
+        let looks =
+            Mutex::new(Looks { count: 0, gap: Duration::ZERO, asked: Instant::now(), used: begun, is_over: false });
         let stop = || {
-            looks.set(looks.get() + 1);
-            let (asked, before) = last.get();
-            if asked.elapsed() >= WORTH_ASKING {
+            let mut looks = looks.lock().unwrap();
+            looks.count += 1;
+            if looks.asked.elapsed() >= WORTH_ASKING {
                 let now = processor_time();
-                if !wished.get() {
-                    gap.set(gap.get().max(now.saturating_sub(before)));
-                    trace(now.saturating_sub(before));
+                let gap = now.saturating_sub(looks.used);
+                if !looks.is_over {
+                    looks.gap = looks.gap.max(gap);
+                    trace(gap);
                 }
-                wished.set(now.saturating_sub(begun) >= LIMIT);
-                last.set((Instant::now(), now));
+                looks.is_over = now.saturating_sub(begun) >= LIMIT;
+                (looks.asked, looks.used) = (Instant::now(), now);
             }
-            wished.get()
+            looks.is_over
         };
         let ended = match problem.solve_until(&stop) {
             Ok(searched) if searched.complete => "whole".to_owned(),
@@ -114,7 +126,8 @@ fn case<P: Problem>(problem: Value) -> Case {
             Err(SolveError::Stopped) => "with nothing".to_owned(),
             Err(error) => error.to_string(),
         };
-        Run { looks: looks.get(), used: processor_time().saturating_sub(begun), gap: gap.get(), ended }
+        let Looks { count, gap, .. } = looks.into_inner().unwrap();
+        Run { looks: count, used: processor_time().saturating_sub(begun), gap, ended }
     })
 }
 

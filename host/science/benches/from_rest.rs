@@ -1,8 +1,9 @@
 //! Naming the pose of a part that a finger began to push 0.8 s ago, by the force, edge and place unknown. Run with
 //! `cargo bench --bench from_rest`.
 //!
-//! The bar: 50 ms for an answer from 0.8 s of values, in the median; one thread. And of pushes of 7 s, in which the finger turns to
-//! and fro, 10 s for saying that another part explains none of it.
+//! The bar: 50 ms for an answer from 0.8 s of values, in the median; the work of one thread, and by the clock where as many as the
+//! machine has share it. And of pushes of 7 s, in which the finger turns to and fro, 10 s for saying that another part explains
+//! none of it.
 
 #![allow(
     clippy::disallowed_types,
@@ -12,14 +13,19 @@
 
 mod yardstick;
 
+use std::num::NonZeroUsize;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::thread;
+use std::time::Instant;
+
 use nalgebra::{Point2, Vector2};
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::random::Draw;
 use palpate::math::statistics::percentile;
-use palpate::never;
 use palpate::pushing::estimation::from_rest::readings::{ForceReading, KnownOfFinger, estimate_until};
 use palpate::pushing::estimation::from_rest::trial::{Drawn, RADIUS_M, Ranges, random_part};
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
+use palpate::{Caller, Stop, never};
 use yardstick::{best_of_runs, worked};
 
 /// Pushes; each is new to what answers.
@@ -42,11 +48,48 @@ const KNOWN: [(&str, bool, bool); 4] = [
 /// Pushes of 7 s.
 const LONG_PUSHES: usize = 12;
 
+/// So many threads share the work.
+struct Threads(usize);
+
+impl Caller for Threads {
+    fn stops(&self) -> bool {
+        false
+    }
+
+    fn work(&self, count: usize, task: &(dyn Fn(usize) + Sync)) {
+        let next = AtomicUsize::new(0);
+        let work = || std::iter::repeat_with(|| next.fetch_add(1, Relaxed)).take_while(|k| *k < count).for_each(task);
+        thread::scope(|scope| {
+            (1..self.0.min(count)).for_each(|_| drop(scope.spawn(work)));
+            work();
+        });
+    }
+}
+
+/// Who asks for an answer, and how its time is read, s.
+#[derive(Clone, Copy)]
+struct Asked<'a> {
+    caller: Stop<'a>,
+    clock: &'a dyn Fn() -> f64,
+}
+
 fn main() {
+    let begun = Instant::now();
+    let threads = Threads(thread::available_parallelism().map_or(1, NonZeroUsize::get));
+    let alone = Asked { caller: &never, clock: &worked };
+    let shared = Asked { caller: &threads, clock: &|| begun.elapsed().as_secs_f64() };
     let mut sum = 0.0;
     let yardstick = best_of_runs(|| sum += (0..10_000_u32).map(|index| f64::from(index).sin()).sum::<f64>());
     println!("a reading each 8 ms; yardstick (10,000 sines) {:.3} ms; {sum:.0}", 1e3 * yardstick);
-    println!("{PUSHES} pushes of 0.8 s:");
+    println!("{PUSHES} pushes of 0.8 s, the work of one thread:");
+    pushed(&alone, yardstick);
+    println!("the same by the clock, {} threads sharing it:", threads.0);
+    pushed(&shared, yardstick);
+    println!("{LONG_PUSHES} pushes of 7 s, mass and mu_c unknown, the work of one thread:");
+    pushed_long(&alone, yardstick);
+}
+
+fn pushed(asked: &Asked<'_>, yardstick: f64) {
     let ranges = Ranges::default();
     for (name, knows_mass, knows_mu_c) in KNOWN {
         let answers = (0..PUSHES).filter_map(|number| {
@@ -59,12 +102,14 @@ fn main() {
                 mu_c: knows_mu_c.then_some(drawn.mu_c),
                 ..KnownOfFinger::new(&part, mu_g, RADIUS_M, &ranges.motion, NOISE_N)
             };
-            Some(Answer::new(&known, &readings(&drawn, &mut draw)))
+            Some(Answer::new(&known, &readings(&drawn, &mut draw), asked))
         });
         report(name, answers.collect(), yardstick);
     }
-    println!("{LONG_PUSHES} pushes of 7 s, mass and mu_c unknown:");
-    let ranges = Ranges { motion: to_and_fro(), ..ranges };
+}
+
+fn pushed_long(asked: &Asked<'_>, yardstick: f64) {
+    let ranges = Ranges { motion: to_and_fro(), ..Ranges::default() };
     for (name, is_another) in [("the part", false), ("another part", true)] {
         let answers = (0..LONG_PUSHES).filter_map(|number| {
             let mut draw = Draw::case(12, number);
@@ -73,7 +118,8 @@ fn main() {
             let readings = readings(&drawn, &mut draw);
             let told = if is_another { random_part(&mut draw) } else { part };
             let mu_g = ranges.mu * GRAVITY_ASSUMED;
-            Some(Answer::new(&KnownOfFinger::new(&told, mu_g, RADIUS_M, &ranges.motion, NOISE_N), &readings))
+            let known = KnownOfFinger::new(&told, mu_g, RADIUS_M, &ranges.motion, NOISE_N);
+            Some(Answer::new(&known, &readings, asked))
         });
         report(name, answers.collect(), yardstick);
     }
@@ -104,10 +150,10 @@ struct Answer {
 }
 
 impl Answer {
-    fn new(known: &KnownOfFinger, readings: &[ForceReading]) -> Self {
-        let begun = worked();
-        let poses = estimate_until(known, readings, &never).found.len();
-        Self { milliseconds: 1e3 * (worked() - begun), poses }
+    fn new(known: &KnownOfFinger, readings: &[ForceReading], asked: &Asked<'_>) -> Self {
+        let begun = (asked.clock)();
+        let poses = estimate_until(known, readings, asked.caller).found.len();
+        Self { milliseconds: 1e3 * ((asked.clock)() - begun), poses }
     }
 }
 

@@ -86,7 +86,7 @@ pub use pushing::estimation::{
 pub use pushing::finger_motion::FingerMotion;
 pub use pushing::pushed_world::PushedWorld;
 pub use rolling::{Roll, RollingBody};
-pub use search::{Searched, Stop, never};
+pub use search::{Caller, Searched, Stop, never};
 
 /// The examples of the crate's page are compiled and run.
 #[cfg(doctest)]

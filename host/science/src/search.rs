@@ -1,13 +1,63 @@
-//! How a long search is ended before it is complete.
+//! How a long search is ended before it is complete, and who does its work.
 //!
-//! A search of this library knows no clock: whoever calls it says when to stop. It asks now and then, every few
-//! milliseconds, and then ends with what it has found so far, which [`Searched::complete`] tells from all there is.
+//! A search of this library knows no clock and no threads: whoever calls it says when to stop, and on what runs beside what. It
+//! asks now and then, every few milliseconds, and then ends with what it has found so far, which [`Searched::complete`] tells
+//! from all there is. What does not need each other is handed out to be done together ([`Caller::work`]); what is found does
+//! not depend on how.
 
 use std::cell::Cell;
 use std::cmp::Ordering;
+use std::sync::Mutex;
+#[cfg(test)]
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-/// Asked now and then by a long search: whether to end.
-pub type Stop<'a> = &'a dyn Fn() -> bool;
+/// Who waits for a long search. Any `Fn() -> bool` is one that says when to stop, and does the work by itself.
+///
+/// ```
+/// use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+/// use palpate::Caller;
+///
+/// /// On two threads.
+/// struct Two;
+///
+/// impl Caller for Two {
+///     fn stops(&self) -> bool {
+///         false
+///     }
+///
+///     fn work(&self, count: usize, task: &(dyn Fn(usize) + Sync)) {
+///         let next = AtomicUsize::new(0);
+///         let work = || std::iter::repeat_with(|| next.fetch_add(1, Relaxed)).take_while(|k| *k < count).for_each(task);
+///         std::thread::scope(|scope| {
+///             scope.spawn(work);
+///             work();
+///         });
+///     }
+/// }
+///
+/// let done = AtomicUsize::new(0);
+/// Two.work(100, &|task| drop(done.fetch_add(task, Relaxed)));
+/// assert_eq!(done.into_inner(), 99 * 100 / 2);
+/// ```
+pub trait Caller: Sync {
+    /// Asked now and then: whether to end.
+    fn stops(&self) -> bool;
+
+    /// Does the tasks from 0 to `count`, each once, in any order and any number at the same time. All are done when it returns.
+    fn work(&self, count: usize, task: &(dyn Fn(usize) + Sync)) {
+        (0..count).for_each(task);
+    }
+}
+
+impl<F: Fn() -> bool + Sync> Caller for F {
+    fn stops(&self) -> bool {
+        self()
+    }
+}
+
+/// Asked now and then by a long search whether to end, and given its work.
+pub type Stop<'a> = &'a dyn Caller;
 
 /// The wish of somebody who waits until a search is complete.
 ///
@@ -49,20 +99,40 @@ pub struct Searched<T> {
 /// A wish to end that is kept once it was uttered.
 pub(crate) struct Halt<'a> {
     stop: Stop<'a>,
-    halted: Cell<bool>,
+    halted: AtomicBool,
 }
 
 impl<'a> Halt<'a> {
     pub(crate) fn new(stop: Stop<'a>) -> Self {
-        Self { stop, halted: Cell::new(false) }
+        Self { stop, halted: AtomicBool::new(false) }
     }
 
     /// Asks whether to end now; once it is so, it stays so.
     pub(crate) fn is_wished(&self) -> bool {
-        if !self.halted.get() && (self.stop)() {
-            self.halted.set(true);
+        if !self.was_wished() && self.stop.stops() {
+            self.halted.store(true, Relaxed);
         }
-        self.halted.get()
+        self.was_wished()
+    }
+
+    /// What becomes of each thing, in order, as far as that is done before the wish to end; at the same time where the caller
+    /// likes.
+    pub(crate) fn each<T: Send, U: Send>(&self, things: Vec<T>, of: impl Fn(T) -> U + Sync) -> Vec<U> {
+        self.every(things, |thing| (!self.is_wished()).then(|| of(thing))).into_iter().flatten().collect()
+    }
+
+    /// The same of each thing whatever is wished: of what was found before.
+    pub(crate) fn every<T: Send, U: Send>(&self, things: Vec<T>, of: impl Fn(T) -> U + Sync) -> Vec<U> {
+        let things: Vec<_> = things.into_iter().map(|thing| Mutex::new(Some(thing))).collect();
+        let made: Vec<_> = things.iter().map(|_| Mutex::new(None)).collect();
+        self.stop.work(things.len(), &|task| {
+            let thing = things[task].lock().ok().and_then(|mut thing| thing.take());
+            let after = thing.map(&of);
+            if let Ok(mut made) = made[task].lock() {
+                *made = after;
+            }
+        });
+        made.into_iter().filter_map(|made| made.into_inner().ok().flatten()).collect()
     }
 
     /// Asks whether to go on: none where one should not, for `?`.
@@ -109,7 +179,7 @@ impl<'a> Halt<'a> {
 
     /// Whether it was uttered; does not ask.
     pub(crate) fn was_wished(&self) -> bool {
-        self.halted.get()
+        self.halted.load(Relaxed)
     }
 
     /// What was found, with whether anything was left out.
@@ -174,16 +244,13 @@ impl std::fmt::Debug for Halt<'_> {
 /// that is never uttered changes nothing.
 #[cfg(test)]
 pub(crate) fn check_stopping<T: std::fmt::Debug>(search: impl Fn(Stop<'_>) -> Searched<T>) {
-    let asked = Cell::new(0_usize);
-    let whole = search(&|| {
-        asked.set(asked.get() + 1);
-        false
-    });
-    let asked = asked.get();
+    let asked = AtomicUsize::new(0);
+    let whole = search(&|| asked.fetch_add(1, Relaxed) == usize::MAX);
+    let asked = asked.into_inner();
     assert!(whole.complete && asked > 1, "asked {asked} times");
     for after in [0, 1, asked / 4, asked / 2, asked - 1] {
-        let left = Cell::new(after);
-        let stopped = search(&|| left.replace(left.get().saturating_sub(1)) == 0);
+        let left = AtomicUsize::new(0);
+        let stopped = search(&|| left.fetch_add(1, Relaxed) >= after);
         assert!(!stopped.complete, "stopped after {after} of {asked} questions: {:?}", stopped.found);
     }
     let again = search(&never);
@@ -229,12 +296,9 @@ mod tests {
 
     /// A clock that goes on by one each time somebody looks at it, and says stop at `limit`.
     fn looks_until(limit: usize, work: impl FnOnce(Stop<'_>)) -> usize {
-        let looks = Cell::new(0);
-        work(&|| {
-            looks.set(looks.get() + 1);
-            looks.get() >= limit
-        });
-        looks.get()
+        let looks = AtomicUsize::new(0);
+        work(&|| looks.fetch_add(1, Relaxed) + 1 >= limit);
+        looks.into_inner()
     }
 
     #[test]

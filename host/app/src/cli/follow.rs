@@ -10,7 +10,6 @@ use std::thread::Scope;
 
 use miette::IntoDiagnostic as _;
 use palpate::math::angle::wrap_angle;
-use palpate::never;
 use palpate::pushing::dynamics::{ContactMode, Part};
 use palpate::pushing::estimation::from_rest::readings::{
     ForceTracker, Found, KnownOfFinger, MotionClock, PushFollower, SearchTask, TrackedHypothesis, TrackerState,
@@ -28,6 +27,7 @@ use super::pose::{columns, deviation};
 use super::watched_push::{FeltPush, Ongoing, Watched, WatchedPushArguments, Watching, too_short};
 use crate::pictures::plot::Figure;
 use crate::recording::{self, Believed, Seen};
+use crate::threads::{EveryProcessor, PATIENT};
 use crate::width::folded;
 
 /// Poses of one reading that a person is shown; a program gets them all.
@@ -201,7 +201,7 @@ where
     }
 
     fn search_here(&mut self, known: &KnownOfFinger<'_>, task: &SearchTask) {
-        let found = task.run(&self.follower.known(known), &never);
+        let found = task.run(&self.follower.known(known), &PATIENT);
         self.follower.adopt(known, found);
     }
 
@@ -253,7 +253,7 @@ where
         let search = move || {
             let known = follower.known(&felt.known_of_finger(file, &motion, 0.0));
             // Nobody may wait for it any more.
-            let _ = sender.send(task.run(&known, &|| stop.load(Ordering::Relaxed)));
+            let _ = sender.send(task.run(&known, &EveryProcessor { stops: || stop.load(Ordering::Relaxed) }));
         };
         std::thread::Builder::new().name("search".to_owned()).spawn_scoped(scope, search).into_diagnostic()?;
         self.pending = Some(receiver);

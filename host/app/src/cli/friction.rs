@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use palpate::never;
 use palpate::pushing::estimation::friction::{ContactFrictionTold, FrictionTold, Told, friction_told};
 use palpate::pushing::estimation::{Estimate, from_rest};
 use palpate_files::part::PolygonFile;
@@ -12,6 +11,7 @@ use serde_json::{Value, json};
 use super::read::{read_beside, tell_part};
 use super::watched_push::{MotionArgument, MuUncertainty, WatchedPushArguments, Watching};
 use super::{lacking, misfit, positive};
+use crate::threads::PATIENT;
 use crate::width::folded;
 
 const LONG_HELP: &str = "\
@@ -83,7 +83,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let watched = arguments.push.with_mu_uncertainty(MuUncertainty::UNMEASURED);
     let push = watched.watch(&arguments.motion.file, Watching::TO_ITS_END, &mut |push| push.until_over())?;
     let (force, known, tally) = (push.force()?, push.known(&file), push.watch.tally());
-    let estimate = from_rest::estimate_until(&known, &force, &never).found;
+    let estimate = from_rest::estimate_until(&known, &force, &PATIENT).found;
     let weighed = arguments.mass_g.map(|Mass(mass)| mass);
     let Some(told) = friction_told(&estimate, weighed) else {
         return Err(unexplained(&estimate, weighed, || misfit::explain(&known, &force)));

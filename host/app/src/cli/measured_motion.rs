@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use palpate::gravity::GRAVITY_ASSUMED;
-use palpate::never;
 use palpate::pushing::dynamics::State;
 use palpate::pushing::estimation::from_rest::readings::{
     ForceHypothesis, ForceReading, MeasuredEstimate, MeasuredFinger, SensedPush, estimate_measured_until, sensed,
@@ -24,6 +23,7 @@ use super::told_tables::TableArguments;
 use super::watched_push::{FeltPushArguments, not_at_rest, too_short, without_push};
 use super::{finite, not_negative, pose, positive};
 use crate::pictures::plot::Figure;
+use crate::threads::PATIENT;
 use crate::width::folded;
 
 /// Measured places of the finger.
@@ -137,7 +137,7 @@ pub(super) fn observe(
     let motion = FingerMotion::untold();
     let known = felt.with(None).known_of_finger(file, &motion, noise);
     let finger = MeasuredFinger { path: &measured, turn: turn.as_ref(), clock_offset_sd };
-    let estimate = estimate_measured_until(&known, &finger, &readings, &never).found;
+    let estimate = estimate_measured_until(&known, &finger, &readings, &PATIENT).found;
     let (Some(onset), Some(last)) = (estimate.onset, readings.last()) else { return Err(too_short()) };
     let answer = |(offset, found): &(f64, ForceHypothesis)| ForceHypothesisAnswer {
         clock_offset: Some(*offset),

@@ -1,16 +1,16 @@
 //! What a person is told where no pose explains a push: the likeliest mistake, or what else to ask.
 
 use palpate::gravity::GRAVITY_ASSUMED;
-use palpate::never;
 use palpate::pushing::estimation::from_rest::misfit::{self, Lengths, Misfit, Mistake};
 use palpate::pushing::estimation::from_rest::{KnownFromRest, WindowedForce};
 
+use crate::threads::PATIENT;
 use crate::width::folded;
 
 /// Seeks what would explain it, and says so.
 pub(super) fn explain(known: &KnownFromRest, measured: &WindowedForce) -> String {
     note!("no pose fits; looking for the likeliest mistake");
-    in_words(known, &misfit::misfit(known, measured, &never).found)
+    in_words(known, &misfit::misfit(known, measured, &PATIENT).found)
 }
 
 fn in_words(known: &KnownFromRest, misfit: &Misfit) -> String {

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use palpate::never;
 use palpate::pushing::estimation::from_rest::KnownFromRest;
 use palpate::pushing::estimation::from_rest::readings::MotionClock;
 use palpate::pushing::estimation::from_rest::watch::PushAnswer;
@@ -19,6 +18,7 @@ use super::read::{read, read_beside, tell_part};
 use super::watched_push::{Ongoing, Watched, WatchedPushArguments, Watching, too_short};
 use super::{lacking, misfit, pose, positive};
 use crate::recording::{self, Believed, Seen};
+use crate::threads::PATIENT;
 
 const LONG_HELP: &str = "\
 The finger first rests, touching nothing or the part without force, while the tare is taken; then it begins to push. The
@@ -210,7 +210,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let mut push = arguments.push.watch(motion, watching, &mut |ongoing| {
         let Ongoing { watch, felt, motion, .. } = ongoing;
         if watch.is_due(motion)
-            && let Some(answer) = watch.look(&felt.known(&file, motion), &never)
+            && let Some(answer) = watch.look(&felt.known(&file, motion), &PATIENT)
         {
             shown.print(&answer, &felt.known(&file, motion));
         }

@@ -14,6 +14,7 @@ use super::read::{read_beside, tell_part};
 use super::watched_push::{MotionArgument, WatchedPushArguments, Watching};
 use super::{lacking, misfit, pose, positive};
 use crate::recording::{self, Believed, Seen};
+use crate::threads::PATIENT;
 use crate::width::folded;
 
 /// One value a hundredth of a second, s.
@@ -94,7 +95,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let force = push.force()?;
     let tally = push.watch.tally();
     let known = push.known(&file);
-    let estimate = from_rest::estimate(&known, &force);
+    let estimate = from_rest::estimate_until(&known, &force, &PATIENT).found;
     let seen = Seen::pushed(known.part, known.motion, known.radius, estimate.time_end);
     recording::believed(seen, estimate.hypotheses.iter().map(Believed::from));
     let present = known.present(&estimate);

@@ -5,9 +5,9 @@ use std::io::{self, IsTerminal, Read, Write};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::thread;
 use std::time::Duration;
 
+use crate::threads::processors;
 use miette::{IntoDiagnostic, WrapErr};
 use palpate_files::solve::{self, KINDS, Registry};
 
@@ -73,11 +73,6 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
             answer(kinds, &arguments.file, arguments.jobs.unwrap_or_else(processors))
         }
     }
-}
-
-/// As many as may run at once; one where the system does not say.
-fn processors() -> NonZeroUsize {
-    thread::available_parallelism().unwrap_or(NonZeroUsize::MIN)
 }
 
 fn number_of_jobs(text: &str) -> Result<NonZeroUsize, String> {

@@ -17,6 +17,7 @@ use crate::progress::Progress;
 use crate::thesis::real::{self, Recordings, Seeds};
 use crate::thesis::streamed::Streamed;
 use crate::thesis::{self, EXPERIMENTS, Experiment, ILLUSTRATIONS, Illustration, Table, TableSettings, progress};
+use crate::threads::processors;
 use crate::width::folded;
 
 /// Most cases of a row: beyond it only mistakes are asked for.
@@ -195,7 +196,7 @@ fn real(arguments: &Arguments, folders: &[String]) -> miette::Result<ExitCode> {
         recordings.leave_one_out();
     }
     report_problems(&folders[0], &recordings.problems);
-    let jobs = arguments.jobs.or(std::thread::available_parallelism().ok()).unwrap_or(NonZeroUsize::MIN);
+    let jobs = arguments.jobs.unwrap_or_else(processors);
     let seeds = Seeds { first: arguments.seed, count: usize::from(arguments.seeds) };
     let _shown = Progress::begin("judging the recordings");
     let (units, mut done) = (recordings.units(seeds) as u64, 0);

@@ -11,7 +11,6 @@ use palpate::finger::calibration::{Calibration, FrontEnd};
 use palpate::finger::contact::{Reading, TareError};
 use palpate::finger::judge::{CountsJudge, ForceJudge, Judged};
 use palpate::gravity::GRAVITY_ASSUMED;
-use palpate::never;
 use palpate::pushing::dynamics::FingerShape;
 use palpate::pushing::estimation::from_rest::onset::PushSense;
 use palpate::pushing::estimation::from_rest::readings::KnownOfFinger;
@@ -33,6 +32,7 @@ use crate::advice::{self, Advise as _};
 use crate::live;
 use crate::live::interrupt;
 use crate::recording;
+use crate::threads::PATIENT;
 
 /// Where a push comes from.
 #[derive(Clone, Debug, clap::Args)]
@@ -577,7 +577,7 @@ impl WatchedPush {
     /// What is known in the end, if it is this part.
     pub(super) fn conclude(&mut self, file: &PolygonFile) -> Option<PushAnswer> {
         let known = self.felt.known(file, &self.motion);
-        self.watch.conclude(&known, &never)
+        self.watch.conclude(&known, &PATIENT)
     }
 
     /// What was felt since the push began, tared: s since then, and N on the finger; in mean over these many seconds.

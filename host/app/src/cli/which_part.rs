@@ -3,6 +3,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use miette::WrapErr as _;
 use palpate::pushing::dynamics::Part;
@@ -26,6 +27,7 @@ use super::read::{read, read_beside, tell_part};
 use super::watched_push::{MotionArgument, WatchedPush, WatchedPushArguments, Watching};
 use crate::progress::{self, Progress};
 use crate::recording::{self, Believed, Seen};
+use crate::threads::{PATIENT, of_each};
 use crate::width::folded;
 
 /// Names which of several known parts a finger has begun to push, and where it is.
@@ -80,7 +82,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let shortlist = arguments.shortlist(&candidates, &beforehand, &push, &force);
     let known = shortlist.kept.iter().map(|&part| (part, push.known(&candidates[part].file)));
     let (ranked, PartBelief { none, .. }) =
-        beforehand.after(known.map(|(part, known)| (part, known.part, known.estimate(&force))));
+        beforehand.after(known.map(|(part, known)| (part, known.part, known.estimate_until(&force, &PATIENT).found)));
     ranked.iter().for_each(|ranked| {
         let (part, estimate) = (ranked.part, &ranked.estimate);
         let known = push.known(&candidates[part].file);
@@ -301,14 +303,12 @@ impl Arguments {
             return Shortlist { kept: beforehand.possible().collect(), left_out: Vec::new() };
         }
         let _progress = Progress::begin("looking which parts come near");
-        let looks: Vec<_> = candidates
-            .iter()
-            .zip(0..)
-            .map(|(candidate, done)| {
-                progress::reached(done, candidates.len() as u64, &candidate.to_string());
-                from_rest::first_look(&push.known(&candidate.file), force)
-            })
-            .collect();
+        let done = AtomicU64::new(0);
+        let looks = of_each(candidates.len(), |number| {
+            let candidate = &candidates[number];
+            progress::reached(done.fetch_add(1, Relaxed), candidates.len() as u64, &candidate.to_string());
+            from_rest::first_look(&push.known(&candidate.file), force)
+        });
         Shortlist::new(&looks)
     }
 

@@ -4,12 +4,12 @@
 
 use std::num::NonZeroUsize;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use palpate::math::random::Draw;
 use palpate::pushing::dynamics::Part;
 
 use super::progress;
+use crate::threads::{processors, shared};
 
 /// A part as the experiments on pushes in motion draw it: three of five are convex, the others stars.
 pub(super) fn random_part(draw: &mut Draw) -> Part {
@@ -32,10 +32,9 @@ pub(super) fn until_possible<T>(draw: &mut Draw, mut try_draw: impl FnMut(&mut D
     }
 }
 
-/// What comes of each case from 0 to `cases`, in order. Each thread takes the next case when it is done with one.
+/// What comes of each case from 0 to `cases`, in order.
 pub(super) fn of_each<O: Send>(cases: usize, outcome: impl Fn(usize) -> O + Sync) -> Vec<O> {
-    let threads = std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
-    of_each_in_order(cases, threads, outcome, |_| ())
+    of_each_in_order(cases, processors(), outcome, |_| ())
 }
 
 /// The same on so many threads; `tell` gets each outcome as soon as it and all before it are there.
@@ -51,28 +50,20 @@ pub(super) fn of_each_in_order<O: Send>(
         done: usize,
         tell: T,
     }
-    let next = AtomicUsize::new(0);
     let told = Mutex::new(Told { outcomes: (0..cases).map(|_| None).collect(), told: 0, done: 0, tell });
-    let work = || {
-        loop {
-            let number = next.fetch_add(1, Ordering::Relaxed);
-            if number >= cases {
-                return;
-            }
-            let outcome = outcome(number);
-            if let Ok(mut told) = told.lock() {
-                let Told { outcomes, told, done, tell } = &mut *told;
-                outcomes[number] = Some(outcome);
-                *done += 1;
-                progress::cases_done(*done, cases);
-                while let Some(Some(outcome)) = outcomes.get(*told) {
-                    tell(outcome);
-                    *told += 1;
-                }
+    shared(cases, threads, |number| {
+        let outcome = outcome(number);
+        if let Ok(mut told) = told.lock() {
+            let Told { outcomes, told, done, tell } = &mut *told;
+            outcomes[number] = Some(outcome);
+            *done += 1;
+            progress::cases_done(*done, cases);
+            while let Some(Some(outcome)) = outcomes.get(*told) {
+                tell(outcome);
+                *told += 1;
             }
         }
-    };
-    std::thread::scope(|scope| (0..threads.get()).for_each(|_| drop(scope.spawn(work))));
+    });
     told.into_inner().map(|told| told.outcomes.into_iter().flatten().collect()).unwrap_or_default()
 }
 

@@ -60,6 +60,7 @@ use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
 use crate::pictures::plot::Figure;
+use crate::threads::processors;
 use crate::width::{COLUMNS, folded};
 
 /// The experiments, in the order of the thesis.
@@ -145,7 +146,7 @@ impl Experiment {
 impl TableSettings {
     /// Threads for cases.
     fn jobs(&self) -> NonZeroUsize {
-        self.jobs.or(std::thread::available_parallelism().ok()).unwrap_or(NonZeroUsize::MIN)
+        self.jobs.unwrap_or_else(processors)
     }
 }
 

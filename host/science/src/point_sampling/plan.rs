@@ -127,7 +127,7 @@ impl Scene {
         let (mut candidates, mut areas) = (Vec::new(), Vec::new());
         let trusted = SURELY_INSIDE * extent(polygons);
         for region in subdivision.regions() {
-            if stop() {
+            if stop.stops() {
                 return None;
             }
             let area = region.area();
@@ -181,7 +181,7 @@ impl Scene {
         // of separation.
         let most = request.separation.max(1) * self.polygons.len();
         for size in chosen.choice.elements.len() + 1..most {
-            if chosen.clearance(self) >= roomiest || stop() {
+            if chosen.clearance(self) >= roomiest || stop.stops() {
                 break;
             }
             let before = chosen.clearance(self);

@@ -317,7 +317,7 @@ struct Walk<'a, 'b> {
 
 impl Walk<'_, '_> {
     fn goes_on(&self) -> Result<(), RollError> {
-        if (self.stop)() { Err(RollError::Stopped { t: self.t }) } else { Ok(()) }
+        if self.stop.stops() { Err(RollError::Stopped { t: self.t }) } else { Ok(()) }
     }
 
     /// On to `time`, without stepping over a jump of the palm's acceleration.

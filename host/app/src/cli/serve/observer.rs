@@ -6,16 +6,17 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
 
 use miette::IntoDiagnostic as _;
-use palpate::Stop;
 use palpate::finger::judge::Judged;
 use palpate::pushing::estimation::Estimate;
 use palpate::pushing::estimation::from_rest::watch::PushWatch;
 use palpate::pushing::finger_motion::FingerMotion;
+use palpate::{Caller as _, Stop};
 use palpate_files::part::PolygonFile;
 
 use super::super::watched_push::{FeltPush, not_at_rest};
 use crate::live::interrupt;
 use crate::recording::{self, Believed, Seen};
+use crate::threads::EveryProcessor;
 use crate::web::server::Board;
 use crate::web::shown::{Belief, PushStage, ShownPose};
 
@@ -122,13 +123,13 @@ impl Observing {
     }
 
     fn run(mut self, told: &Receiver<Told>, stop: &AtomicBool) {
-        let stop = || stop.load(Ordering::Relaxed) || interrupt::requested();
+        let caller = EveryProcessor { stops: || stop.load(Ordering::Relaxed) || interrupt::requested() };
         for told in told {
-            if stop() {
+            if caller.stops() {
                 return;
             }
             match told {
-                Told::Judged(judged) => self.take(judged, &stop),
+                Told::Judged(judged) => self.take(judged, &caller),
                 Told::Motion(motion, is_complete) => {
                     let path = path(&motion);
                     self.show(|push| push.path = path);
@@ -169,7 +170,7 @@ impl Observing {
             self.believe(motion, &answer.estimate, false);
         }
         if self.watch.is_over(motion, *is_complete) {
-            let answer = self.watch.conclude(&known, stop).filter(|_| !stop());
+            let answer = self.watch.conclude(&known, stop).filter(|_| !stop.stops());
             self.is_over = true;
             match answer {
                 Some(answer) => {

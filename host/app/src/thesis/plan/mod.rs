@@ -8,9 +8,6 @@
 //! Units: SI inside, as the headings say in the table. Errors: none.
 
 use std::f64::consts::FRAC_PI_2;
-use std::num::NonZeroUsize;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nalgebra::{Point2, Vector2};
 use palpate::gravity::GRAVITY_ASSUMED;
@@ -24,7 +21,7 @@ use palpate::pushing::estimation::{Belief, Hypothesis};
 use palpate::pushing::estimation::{Channel, Known, Measured, Observation, Prior, Touch, estimate};
 use palpate::pushing::finger_motion::Segment;
 
-use super::cases::random_part;
+use super::cases::{of_each, random_part};
 use super::rivals::{Leg, Truth};
 use super::{Cell, Experiment, Table, TableSettings};
 
@@ -330,27 +327,8 @@ fn definitions() -> Vec<String> {
 }
 
 /// All cases, on as many threads as the machine has; in order.
-pub(super) fn outcomes<O: Clone + Default + Send>(
-    settings: &TableSettings,
-    outcome: impl Fn(u64, usize) -> O + Sync,
-) -> Vec<O> {
-    let next = AtomicUsize::new(0);
-    let done = Mutex::new(vec![O::default(); settings.cases]);
-    let work = || {
-        loop {
-            let number = next.fetch_add(1, Ordering::Relaxed);
-            if number >= settings.cases {
-                return;
-            }
-            let outcome = outcome(settings.seed, number);
-            if let Ok(mut done) = done.lock() {
-                done[number] = outcome;
-            }
-        }
-    };
-    let threads = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
-    std::thread::scope(|scope| (0..threads).for_each(|_| drop(scope.spawn(work))));
-    done.into_inner().unwrap_or_default()
+pub(super) fn outcomes<O: Send>(settings: &TableSettings, outcome: impl Fn(u64, usize) -> O + Sync) -> Vec<O> {
+    of_each(settings.cases, |number| outcome(settings.seed, number))
 }
 
 fn outcome(seed: u64, number: usize) -> Outcome {

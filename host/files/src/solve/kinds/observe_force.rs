@@ -609,6 +609,8 @@ const READINGS_MIN: usize = 4;
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
     use serde_json::{Value, json};
 
     use super::*;
@@ -696,14 +698,11 @@ mod tests {
     fn a_search_that_is_broken_off_is_certain_of_nothing() {
         let problem = read::<ObserveForce>(problem()).unwrap();
         for most in [0, 1, 10, 100, 1000] {
-            let asked = std::cell::Cell::new(0);
-            let stop = || {
-                asked.set(asked.get() + 1);
-                asked.get() > most
-            };
+            let asked = AtomicUsize::new(0);
+            let stop = || asked.fetch_add(1, Relaxed) >= most;
             match problem.solve_until(&stop) {
                 Ok(Searched { found, complete: false }) => assert_eq!(found.status, ObserveForceStatus::Ambiguous),
-                Ok(Searched { .. }) => assert!(asked.get() <= most),
+                Ok(Searched { .. }) => assert!(asked.into_inner() <= most),
                 Err(error) => assert_eq!(error, SolveError::Stopped),
             }
         }

@@ -555,6 +555,8 @@ impl From<&estimation::Hypothesis> for PushHypothesisAnswer {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
     use serde_json::{Value, json};
 
     use super::*;
@@ -597,22 +599,14 @@ mod tests {
     fn what_a_search_that_was_broken_off_found_is_never_the_only_one() {
         let problem = read::<ObservePush>(changed(&json!({}))).unwrap();
         let whole = problem.solve().unwrap();
-        let all = std::cell::Cell::new(0_usize);
-        problem
-            .solve_until(&|| {
-                all.set(all.get() + 1);
-                false
-            })
-            .unwrap();
-        let (all, mut broken_off) = (all.get(), 0);
+        let all = AtomicUsize::new(0);
+        problem.solve_until(&|| all.fetch_add(1, Relaxed) == usize::MAX).unwrap();
+        let (all, mut broken_off) = (all.into_inner(), 0);
         // All over the search, and at each of the last questions.
         let steps = (0..60).map(|share| all * share / 60).chain(all.saturating_sub(60)..=all);
         for asks in steps {
-            let asked = std::cell::Cell::new(0);
-            let stop = || {
-                asked.set(asked.get() + 1);
-                asked.get() > asks
-            };
+            let asked = AtomicUsize::new(0);
+            let stop = || asked.fetch_add(1, Relaxed) >= asks;
             match problem.solve_until(&stop) {
                 Ok(Searched { found, complete: true }) => {
                     assert_eq!((found, asks), (whole.clone(), all));

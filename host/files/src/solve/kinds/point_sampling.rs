@@ -1,6 +1,6 @@
 //! The kind `point_sampling`: points that tell shapes or poses apart.
 
-use std::cell::Cell;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use palpate::geometry::SimplePolygon;
 use palpate::point_sampling::{self, Objective, Plan, Request, Scene};
@@ -155,16 +155,18 @@ impl Problem for PointSampling {
         }
         let request = self.request()?;
         let polygons: Vec<SimplePolygon> = self.polygons.iter().map(|polygon| (**polygon).clone()).collect();
-        let stopped = Cell::new(false);
+        let stopped = AtomicBool::new(false);
         let stop = || {
-            stopped.set(stopped.get() || stop());
-            stopped.get()
+            if !stopped.load(Relaxed) && stop.stops() {
+                stopped.store(true, Relaxed);
+            }
+            stopped.load(Relaxed)
         };
         // Without all regions nothing is known of any point.
         let scene = Scene::new_until(&polygons, &stop).ok_or(SolveError::Stopped)?;
         let plan = scene.plan_until(&request, &stop).ok_or(SolveError::Stopped)?;
         let mut found = PointSamplingAnswer::from(&plan);
-        let complete = !stopped.get() && (plan.is_fewest() || self.objective == ObjectiveName::Greedy);
+        let complete = !stopped.into_inner() && (plan.is_fewest() || self.objective == ObjectiveName::Greedy);
         // As few may be proven, but more clearance was still looked for.
         found.optimal &= complete || self.objective == ObjectiveName::Greedy;
         Ok(Searched { found, complete })

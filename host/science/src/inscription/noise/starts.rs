@@ -140,7 +140,7 @@ fn weights(objective: &Objective<'_>, arms: &[Vector2<f64>], placed: &Placed, ro
 
 #[cfg(test)]
 mod tests {
-    use std::cell::Cell;
+    use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
     use nalgebra::Point2;
 
@@ -161,17 +161,17 @@ mod tests {
             Cone::new(apex, around + PI - 0.15, around + PI + 0.15).unwrap().bearings()
         };
         let readings = NoisyReadings { bearings: (0..100).flat_map(cone).collect(), fences: Vec::new(), sigma: 1e-3 };
-        let (looks, lines) = (Cell::new(0), readings.lines());
+        let (looks, lines) = (AtomicUsize::new(0), readings.lines());
         let count = |limit: usize| {
-            looks.set(0);
-            let stop = || looks.replace(looks.get() + 1) + 1 >= limit;
+            looks.store(0, Relaxed);
+            let stop = || looks.fetch_add(1, Relaxed) + 1 >= limit;
             turns(&Objective::new(&round, &readings, &Halt::new(&stop)), &lines).is_some()
         };
         assert!(count(usize::MAX));
-        let all = looks.get();
+        let all = looks.load(Relaxed);
         assert!(all > 200 * 200 / 1024 * 3, "{all} looks");
         for limit in [1, all / 3, all / 2, all] {
-            assert!(!count(limit) && looks.get() == limit, "{} of {limit} looks", looks.get());
+            assert!(!count(limit) && looks.load(Relaxed) == limit, "{} of {limit} looks", looks.load(Relaxed));
         }
     }
 }

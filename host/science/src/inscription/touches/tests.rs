@@ -1,6 +1,7 @@
 //! The search against one that shares nothing with it, and laws that its answers obey.
 
 use std::f64::consts::{PI, TAU};
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use nalgebra::{Isometry2, Matrix3, Point2, Vector3};
 use proptest::prelude::*;
@@ -252,14 +253,11 @@ fn an_exact_fence_takes_no_longer_than_one_that_is_nearly_so() {
     let looks = |sigma: Option<f64>| {
         let mut readings = felt(&[[0.06, 0.015], [0.03, 0.04], [0.01, 0.04]], 1e-4);
         readings.fences = vec![Fence { line: HalfPlane::new(-PI / 2.0, 0.0), sigma }];
-        let count = std::cell::Cell::new(0_u32);
-        let stop = || {
-            count.set(count.get() + 1);
-            false
-        };
+        let count = AtomicUsize::new(0);
+        let stop = || count.fetch_add(1, Relaxed) == usize::MAX;
         let modes = touched_poses_until(&block(), &readings, &stop).found.modes;
         assert!(modes.iter().any(|mode| mode.pose.y.abs() < 1e-5), "{modes:?}");
-        (count.get(), modes.len())
+        (count.into_inner(), modes.len())
     };
     let ((exact, modes), (nearly, others)) = (looks(None), looks(Some(1e-6)));
     assert_eq!(modes, others);

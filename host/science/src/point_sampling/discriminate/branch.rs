@@ -95,7 +95,7 @@ impl<'a> Branch<'a> {
             self.fix_by_cost(program, bound, &reduced);
             let stalled = history.len() >= 5 && bound - history[history.len() - 5] < TAIL;
             history.push(bound);
-            if history.len() > rounds || stalled || (self.stop)() {
+            if history.len() > rounds || stalled || self.stop.stops() {
                 return Some(proven);
             }
             let rows = self.cuts.violated(&program.shares(), rounds == ROUNDS_ROOT);
@@ -121,7 +121,7 @@ impl<'a> Branch<'a> {
     /// Whether all below a solved program was looked at.
     fn descend(&mut self, program: Simplex) -> bool {
         self.nodes += 1;
-        if self.nodes > self.budget || (self.stop)() {
+        if self.nodes > self.budget || self.stop.stops() {
             return false;
         }
         let shares = program.shares();

@@ -52,7 +52,7 @@ impl<'a> Local<'a> {
         let count = n * n.saturating_sub(1) / 2;
         let (mut separators, mut pairs) = (vec![Vec::new(); count], Vec::with_capacity(columns.len()));
         for (column, side) in columns.sides.iter().enumerate() {
-            if stop() {
+            if stop.stops() {
                 return None;
             }
             let numbers = pairs_of(n, side);
@@ -99,7 +99,7 @@ impl<'a> Local<'a> {
                 let Some(column) = self.cheapest(false) else { return best };
                 self.remove(column);
             }
-            if self.step % look_each < 2 && stop() {
+            if self.step % look_each < 2 && stop.stops() {
                 break;
             }
             let Some(column) = self.cheapest(true) else { break };

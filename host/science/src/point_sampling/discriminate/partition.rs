@@ -132,7 +132,7 @@ impl<'a> Partition<'a> {
     /// None if the search is to be broken off.
     fn count_state(&mut self) -> Option<()> {
         self.states += 1;
-        let over = self.states > self.budget || (self.states.is_multiple_of(256) && (self.stop)());
+        let over = self.states > self.budget || (self.states.is_multiple_of(256) && self.stop.stops());
         (!over).then_some(())
     }
 }

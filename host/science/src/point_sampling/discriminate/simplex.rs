@@ -180,7 +180,7 @@ impl Simplex {
     /// Pivots until all values are within their bounds, or until it should stop.
     pub(super) fn solve(&mut self, pivots_max: u64, stop: Stop<'_>) -> End {
         for _ in 0..pivots_max {
-            if stop() {
+            if stop.stops() {
                 break;
             }
             let Some((line, below)) = self.worst() else { return End::Optimal };

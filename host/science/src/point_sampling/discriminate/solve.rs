@@ -213,7 +213,7 @@ impl<'a> Rounds<'a> {
                 self.branch(grown(budget.programs, round));
             }
             let brief = self.search.effort == Effort::Brief && round + 1 >= ROUNDS_BRIEF;
-            if brief || (self.search.stop)() {
+            if brief || self.search.stop.stops() {
                 break;
             }
         }

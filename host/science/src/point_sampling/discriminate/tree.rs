@@ -119,7 +119,7 @@ impl Asker<'_> {
             return Some(None);
         }
         self.states += 1;
-        if self.states > STATES_MAX || (self.states.is_multiple_of(256) && (self.search.stop)()) {
+        if self.states > STATES_MAX || (self.states.is_multiple_of(256) && self.search.stop.stops()) {
             return None;
         }
         for column in self.divisions(sets, most / 2) {

@@ -1,6 +1,7 @@
 //! The subdivision against sampling of a grid, sums of areas, and Euler's count of faces.
 
 use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use nalgebra::Point2;
 use proptest::prelude::*;
@@ -187,10 +188,10 @@ fn a_subdivision_and_a_scene_in_the_making_can_be_stopped() {
     let squares: Vec<_> = [0.0, 0.1, 0.2, 0.5].map(|a| square(a).unwrap()).to_vec();
     check_stopping_of_making(|stop| Subdivision::new_until(&squares, stop));
     check_stopping_of_making(|stop| Scene::new_until(&squares, stop));
-    let asked = std::cell::Cell::new(0);
-    let stop = || asked.replace(asked.get() + 1) == 2;
+    let asked = AtomicUsize::new(0);
+    let stop = || asked.fetch_add(1, Relaxed) == 2;
     assert!(Subdivision::new_until(&squares, &stop).is_none());
-    assert_eq!(asked.get(), 3, "it is not asked again");
+    assert_eq!(asked.load(Relaxed), 3, "it is not asked again");
 }
 
 #[test]

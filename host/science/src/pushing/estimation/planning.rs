@@ -612,6 +612,8 @@ fn unexplained(difference: &DVector<f64>, spread: &DMatrix<f64>) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
     use super::*;
     use crate::geometry::SimplePolygon;
     use crate::pushing::dynamics::ContactLaw;
@@ -782,10 +784,10 @@ mod tests {
         let offered = motions(Vector2::new(0.0, SPEED), LATERAL, 0.2);
         check_stopping(|stop| prospects_until(&present(&part), &beliefs, &offered, SAMPLING, stop));
         // Two motions were judged when it was asked for the fifth time.
-        let asked = std::cell::Cell::new(0);
-        let stop = || asked.replace(asked.get() + 1) == 4;
+        let asked = AtomicUsize::new(0);
+        let stop = || asked.fetch_add(1, Relaxed) == 4;
         let stopped = prospects_until(&present(&part), &beliefs, &offered, SAMPLING, &stop);
-        assert_eq!((asked.get(), stopped.found.len(), stopped.complete), (5, 2, false));
+        assert_eq!((asked.load(Relaxed), stopped.found.len(), stopped.complete), (5, 2, false));
     }
 
     #[test]

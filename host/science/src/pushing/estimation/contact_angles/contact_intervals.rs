@@ -90,6 +90,8 @@ fn strip(offset: f64, slope: f64, [low, high]: [f64; 2]) -> Option<[f64; 2]> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
     use super::*;
     use crate::geometry::SimplePolygon;
     use crate::search::never;
@@ -144,8 +146,8 @@ mod tests {
         let corner = |k: u32| (std::f64::consts::TAU * f64::from(k) / 300.0).sin_cos();
         let round: Vec<_> = (0..300).map(corner).map(|(sin, cos)| Point2::new(0.03 * cos, 0.03 * sin)).collect();
         let part = Part::uniform(SimplePolygon::new(round).unwrap());
-        let looks = std::cell::Cell::new(0);
-        let found = contact_intervals(&part, 0.01, &Halt::new(&|| looks.replace(looks.get() + 1) >= 100));
-        assert_eq!((looks.get(), found.len()), (101, 100));
+        let looks = AtomicUsize::new(0);
+        let found = contact_intervals(&part, 0.01, &Halt::new(&|| looks.fetch_add(1, Relaxed) >= 100));
+        assert_eq!((looks.load(Relaxed), found.len()), (101, 100));
     }
 }

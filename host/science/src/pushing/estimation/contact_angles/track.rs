@@ -371,7 +371,7 @@ fn inverse_of(matrix: &Matrix5<f64>, is_there: impl Fn(usize) -> bool) -> Option
 
 #[cfg(test)]
 mod tests {
-    use std::cell::Cell;
+    use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
     use nalgebra::Point2;
 
@@ -460,11 +460,11 @@ mod tests {
     #[test]
     fn what_a_stopped_update_left_out_is_done_at_the_next_value() {
         tracker_after(VALUES_FIRST - 1, |mut tracker, angle| {
-            let asked = Cell::new(0);
-            let stop = || asked.replace(asked.get() + 1) == 2;
+            let asked = AtomicUsize::new(0);
+            let stop = || asked.fetch_add(1, Relaxed) == 2;
             let stopped = tracker.push_sample_until(Some(angle), &stop);
             assert!(!stopped.complete && stopped.found.hypotheses.is_empty());
-            assert_eq!(asked.get(), 3, "it is not asked again");
+            assert_eq!(asked.load(Relaxed), 3, "it is not asked again");
             // All intervals are searched with the first value that there is time for.
             assert!(!tracker.push_sample(None).hypotheses.is_empty());
         });

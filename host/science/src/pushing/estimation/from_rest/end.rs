@@ -18,6 +18,9 @@ use super::path::{Course, Guess, Path};
 use super::valley::{Valley, change};
 use crate::math::unscented::Gaussian;
 use crate::pushing::dynamics::State;
+use crate::search::Halt;
+#[cfg(test)]
+use crate::search::never;
 
 /// Numbers of a push under way: u, s, ω, how it slides, µ_c, ln of µ g over what it is taken for, ln of the mass, and by how
 /// much the finger's effective mass is off what it is taken for.
@@ -83,7 +86,7 @@ pub(super) enum Reach<'a> {
     /// By slopes.
     Slopes,
     /// By them, and along a valley that bends, which takes as long as the fit.
-    Valley,
+    Valley(&'a Halt<'a>),
     /// By minima of what might have been felt instead.
     Redrawn(&'a [NumberedMinimum]),
 }
@@ -117,7 +120,7 @@ impl<'p> Problem<'_, 'p> {
         // What the surface of poses bends by along all directions but the valley's, which is followed there.
         let mut straight = said;
         let valley = match reach {
-            Reach::Valley => Valley::through(self, at, &parameters, &of_end.of_state()),
+            Reach::Valley(halt) => Valley::through(self, at, &parameters, &of_end.of_state(), halt),
             Reach::Slopes | Reach::Redrawn(_) => None,
         };
         if let Some(valley) = valley {
@@ -169,7 +172,7 @@ impl<'p> Problem<'_, 'p> {
         let to = |course: &Course<'p>, guess: &Guess, path: &Path| Some(end.to(&End::of(course, guess, path)?));
         let parameters = self.covariance(at)?;
         let of_end = self.of_end(at, to, &SMatrix::zeros(), None, &parameters)?;
-        Valley::through(self, at, &parameters, &of_end.of_state())
+        Valley::through(self, at, &parameters, &of_end.of_state(), &Halt::new(&never))
     }
 
     /// Second moments of what slopes leave out of the pose at the end (x, y, θ), for a covariance of contact angle and

@@ -14,7 +14,7 @@ use crate::math::random::Draw;
 use crate::pushing::finger_motion::Leg;
 
 /// Force that was felt over a push.
-pub(super) trait Felt: Debug {
+pub(super) trait Felt: Debug + Sync {
     /// Two values an instant, or a window: in standard deviations, whitened.
     fn data(&self) -> &DVector<f64>;
 

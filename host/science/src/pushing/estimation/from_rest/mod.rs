@@ -168,7 +168,7 @@ fn halting_estimate(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt
     let course = course(known, measured);
     let Some(errors) = known.errors else {
         let problem = Problem { course: &course, measured, mass: None };
-        return conclude(&problem, search(&problem, &edges, halt), symmetry).bent(known, measured);
+        return conclude(&problem, search(&problem, &edges, halt), symmetry, halt).bent(known, measured);
     };
     let roughly = measured.roughly(errors.share(known.part));
     // What is known nearly leads to its minimum by itself; what is far from what is told only where that counts as noise.
@@ -176,7 +176,7 @@ fn halting_estimate(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt
         let problem = Problem { course: &course, measured, mass: None };
         let mut tried = search(&problem, &edges, halt);
         tried.retain(|tried| is_possible(&problem, tried));
-        leads_of_edges(known.part, &tried, NUMBERED_LEADS).into_iter().map(|lead| lead.guess)
+        leads_of_edges(&problem, &tried, NUMBERED_LEADS).into_iter().map(|lead| lead.guess)
     };
     let leads = found(measured).chain(found(&roughly));
     let part_unknown = PartUnknown { errors, course: &course, roughly: &roughly, measured };
@@ -206,9 +206,9 @@ impl PartUnknown<'_, '_> {
         let limit = limit(measured);
         let explains = |tried: &Tried| tried.cost <= limit;
         let starts: Vec<_> = guesses.collect();
-        let wanted = starts.iter().copied().take_while(|_| !halt.is_wished());
-        let mut found: Vec<_> =
-            wanted.filter_map(|guess| unknown.found(guess, measured, self.roughly, explains, false, halt)).collect();
+        let found =
+            halt.each(starts.clone(), |guess| unknown.found(guess, measured, self.roughly, explains, false, halt));
+        let mut found: Vec<_> = found.into_iter().flatten().collect();
         let with_problem = |found: &NumberedMinimum, of: &mut dyn FnMut(&Problem)| {
             let course = found.numbered.course(self.course);
             of(&Problem { course: &course, measured, mass: None });
@@ -227,7 +227,8 @@ impl PartUnknown<'_, '_> {
             with_problem(found, &mut |problem| said = hypothesis(problem, &found.tried, best, excess, reach));
             said
         };
-        conclude_of(&Problem { course: self.course, measured, mass: None }, found, |found| &found.tried, said, symmetry)
+        let problem = Problem { course: self.course, measured, mass: None };
+        conclude_of(&problem, found, |found| &found.tried, said, symmetry, halt)
     }
 }
 
@@ -326,8 +327,8 @@ fn starts(problem: &Problem, edges: &[usize], cover: Cover, halt: &Halt<'_>) -> 
     match problem.course.start {
         CourseStart::Rest => seeds::on_edges(problem, edges, cover, halt),
         CourseStart::Moving => {
-            let wanted = edges.iter().take_while(|_| !halt.is_wished());
-            wanted.flat_map(|&edge| moving_seeds::on_edge(problem, edge, cover)).collect()
+            let guesses = halt.each(edges.to_vec(), |edge| moving_seeds::on_edge(problem, edge, cover));
+            guesses.into_iter().flatten().collect()
         }
     }
 }
@@ -359,8 +360,8 @@ fn ranked_leads(tried: &[Tried]) -> Vec<(usize, Tried)> {
 /// As many of them, those of every edge in turn: what is not known of the part may make another edge's the lowest in the end,
 /// or another valley's. Of an edge first the best, then of all that explain as well what is farthest from those chosen, so
 /// that a long flat valley is seen from end to end; then the others, pieces of one valley last.
-fn leads_of_edges(part: &Part, tried: &[Tried], count: usize) -> Vec<Tried> {
-    let arm = part.inertia_per_mass().sqrt();
+fn leads_of_edges(problem: &Problem, tried: &[Tried], count: usize) -> Vec<Tried> {
+    let arm = problem.course.part.inertia_per_mass().sqrt();
     let mut of_edges: BTreeMap<usize, Vec<Tried>> = BTreeMap::new();
     for lead in leads(tried, usize::MAX) {
         of_edges.entry(lead.guess.edge).or_default().push(lead);
@@ -427,7 +428,7 @@ fn on_other_edges(problem: &Problem, edges: &[usize], tried: &[Tried], halt: &Ha
         let others = edges.iter().filter(move |&&edge| edge != lead.guess.edge);
         others.map(move |&edge| Guess { edge, ..lead.guess })
     });
-    let begun = guesses.take_while(|_| !halt.is_wished()).filter_map(|guess| problem.try_onsets(guess));
+    let begun = halt.each(guesses.collect(), |guess| problem.try_onsets(guess)).into_iter().flatten();
     descend_all(problem, begun.filter(is_hopeful(least_cost(tried))).collect(), halt)
 }
 
@@ -440,8 +441,8 @@ fn at_other_places(problem: &Problem, tried: &[Tried], halt: &Halt<'_>) -> Vec<T
     let slipping = rolling.flat_map(|lead| {
         SLIPPING.map(|share| Guess { mu_c: (share * lead.path.friction_needed).max(MU_C_MIN), ..lead.guess })
     });
-    let slipping = slipping.filter_map(|guess| problem.try_guess(guess)).collect::<Vec<_>>();
-    let aside = leads.iter().take_while(|_| !halt.is_wished()).flat_map(|lead| seeds::along_edge(problem, lead));
+    let slipping = halt.each(slipping.collect(), |guess| problem.try_guess(guess)).into_iter().flatten();
+    let aside = halt.each(leads.iter().collect(), |lead| seeds::along_edge(problem, lead)).into_iter().flatten();
     let begun = aside.chain(slipping).filter(is_hopeful(least_cost(tried)));
     descend_all(problem, begun.collect(), halt)
 }
@@ -474,8 +475,7 @@ fn from_other_onsets(problem: &Problem, tried: &[Tried], halt: &Halt<'_>) -> Vec
         let others = onsets.into_iter().filter(move |delay| Some(*delay) != nearest);
         others.map(move |delay| Guess { delay, ..tried.guess })
     });
-    let begun = guesses.take_while(|_| !halt.is_wished()).filter_map(|guess| problem.try_guess(guess));
-    begun.map(|tried| problem.descend(tried, usize::MAX)).collect()
+    descended(problem, guesses.collect(), halt)
 }
 
 /// Minima so many times the gate above the best may lead to one that is listed, with another onset.
@@ -503,7 +503,8 @@ pub fn follow(known: &KnownFromRest, measured: &WindowedForce, earlier: &Estimat
     let problem = Problem { course: &course, measured, mass: None };
     let starts = earlier.hypotheses.iter().filter_map(|hypothesis| problem.try_onsets(guess(hypothesis, &course)));
     let starts = starts.collect::<Vec<_>>();
-    conclude(&problem, descend_all(&problem, starts, &Halt::new(&never)), earlier.symmetry).bent(known, measured)
+    let halt = Halt::new(&never);
+    conclude(&problem, descend_all(&problem, starts, &halt), earlier.symmetry, &halt).bent(known, measured)
 }
 
 impl Estimate {
@@ -548,17 +549,20 @@ fn course<'p>(known: &KnownFromRest<'p>, measured: &WindowedForce) -> Course<'p>
 fn descend_all(problem: &Problem, starts: Vec<Tried>, halt: &Halt<'_>) -> Vec<Tried> {
     let course = problem.course.coarse();
     let begun = begin_all(&Problem { course: &course, ..*problem }, starts, halt);
-    let begun = begun.into_iter().take_while(|_| !halt.is_wished());
-    let begun = begun.filter_map(|begun| problem.try_guess(begun.guess));
-    begun.map(|tried| problem.descend(tried, usize::MAX)).collect()
+    descended(problem, begun.into_iter().map(|begun| begun.guess).collect(), halt)
+}
+
+/// The minima that guesses lead to.
+fn descended(problem: &Problem, guesses: Vec<Guess>, halt: &Halt<'_>) -> Vec<Tried> {
+    let minimum = |guess| Some(problem.descend(problem.try_guess(guess)?, usize::MAX));
+    halt.each(guesses, minimum).into_iter().flatten().collect()
 }
 
 /// The minima of that by coarse steps of time from which it is worth going on.
 fn begin_all(problem: &Problem, starts: Vec<Tried>, halt: &Halt<'_>) -> Vec<Tried> {
     let mut tried = hopeful(starts, HOPELESS_AT_FIRST);
     for (steps, hopeless) in STAGES {
-        let going = tried.into_iter().take_while(|_| !halt.is_wished());
-        let gone: Vec<_> = going.map(|tried| problem.descend(tried, steps)).collect();
+        let gone = halt.each(tried, |tried| problem.descend(tried, steps));
         tried = apart(problem, hopeful(gone, hopeless));
     }
     tried
@@ -599,21 +603,22 @@ fn least_cost(tried: &[Tried]) -> f64 {
 const WALKED_MAX: usize = 12;
 
 /// The list of what cannot be excluded.
-fn conclude(problem: &Problem, mut tried: Vec<Tried>, symmetry: usize) -> Estimate {
+fn conclude(problem: &Problem, mut tried: Vec<Tried>, symmetry: usize, halt: &Halt<'_>) -> Estimate {
     tried.retain(|tried| is_possible(problem, tried));
     let said =
         |tried: &Tried, best: f64, excess: f64, reach: Reach<'_>| hypothesis(problem, tried, best, excess, reach);
-    conclude_of(problem, tried, |tried| tried, said, symmetry)
+    conclude_of(problem, tried, |tried| tried, said, symmetry, halt)
 }
 
 /// The same of minima at which the finger can be, each with its own way to say what it means for a least cost and an excess
 /// of noise.
-fn conclude_of<M>(
+fn conclude_of<'h, M: Sync>(
     problem: &Problem,
     mut minima: Vec<M>,
-    tried: impl Fn(&M) -> &Tried,
-    said: impl Fn(&M, f64, f64, Reach<'static>) -> Option<Hypothesis>,
+    tried: impl Fn(&M) -> &Tried + Sync,
+    said: impl Fn(&M, f64, f64, Reach<'h>) -> Option<Hypothesis> + Sync,
     symmetry: usize,
+    halt: &'h Halt<'h>,
 ) -> Estimate {
     let duration = problem.course.duration;
     let (values, freedom) = (problem.measured.data().len(), problem.measured.freedom());
@@ -625,9 +630,9 @@ fn conclude_of<M>(
         Some(best) if best <= cost_max => distinct(minima, best + GATE * excess, &tried),
         _ => Vec::new(),
     };
-    let reach = if listed.len() <= WALKED_MAX { Reach::Valley } else { Reach::Slopes };
-    let hypotheses: Vec<_> =
-        listed.iter().filter_map(|minimum| said(minimum, best.unwrap_or(tried(minimum).cost), excess, reach)).collect();
+    let reach = if listed.len() <= WALKED_MAX { Reach::Valley(halt) } else { Reach::Slopes };
+    let said = |minimum: &M| said(minimum, best.unwrap_or(tried(minimum).cost), excess, reach);
+    let hypotheses = halt.every(listed.iter().collect(), said).into_iter().flatten().collect();
     let mut hypotheses = of_valleys(hypotheses, SAME_PLACE);
     hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     let fit = Fit { cost: best, degrees_of_freedom: problem.measured.data().len(), cost_max };

@@ -142,14 +142,14 @@ impl<'p> PlayedModel<'p> {
         self.finger_path().acceleration
     }
 
-    /// How long after a time the finger's way has turned by an angle (rad, below a right one), s; without end where it
-    /// never does.
-    pub(super) fn turns_after(&self, time: f64, angle: f64) -> f64 {
+    /// How long after a time the finger's way has turned by an angle below a right one, of which this is the tangent, s;
+    /// without end where it never does.
+    pub(super) fn turns_after(&self, time: f64, tangent: f64) -> f64 {
         let path = self.finger_path();
         let velocity = path.velocity(time);
         let (across, along) = (velocity.perp(&path.acceleration).abs(), velocity.dot(&path.acceleration));
-        let toward = across - along * angle.tan();
-        if toward > 0.0 { velocity.norm_squared() * angle.tan() / toward } else { f64::INFINITY }
+        let toward = across - along * tangent;
+        if toward > 0.0 { velocity.norm_squared() * tangent / toward } else { f64::INFINITY }
     }
 
     fn finger_path(&self) -> FingerPath {

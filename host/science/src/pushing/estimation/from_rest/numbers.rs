@@ -60,7 +60,7 @@ const COST_STEP: f64 = 0.01;
 pub(super) const NUMBERED_LEADS: usize = 32;
 
 /// A motion that numbers tell.
-pub(super) trait MotionNumbers {
+pub(super) trait MotionNumbers: Sync {
     /// What each is taken for before anything is found.
     fn taken_for(&self) -> Vec<f64>;
 
@@ -262,7 +262,7 @@ impl Unknown<'_, '_> {
             found.tried.guess.mu_g_log += mu_g_log;
             (self.cost(&found, felt)? <= tried.cost + GATE).then_some(found)
         };
-        (0..count).filter_map(again).collect()
+        halt.each((0..count).collect(), again).into_iter().flatten().collect()
     }
 
     /// What a minimum of something else costs by what was felt, with numbers near its own.

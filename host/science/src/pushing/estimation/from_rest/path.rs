@@ -656,10 +656,11 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
     /// Goes on to a time, s.
     fn follow(&mut self, until: f64) -> Result<(), Lost> {
         let resolution = self.resolution;
+        let turn_tangent = resolution.turn_rad().tan();
         while self.time < until - SAME_TIME_S {
             let next = self.path.smooth.len() + resolution.stride() - 1;
             let left = (hann_windows::GRID_S * as_f64(next) - self.time).min(until - self.time);
-            let turning = self.model.turns_after(self.time - self.leg_from, resolution.turn_rad()).max(STEP_TURNING_S);
+            let turning = self.model.turns_after(self.time - self.leg_from, turn_tangent).max(STEP_TURNING_S);
             let turned = (turning < left).then(|| (self.time, self.force(), self.path.jumps.len()));
             let left = left.min(turning);
             let explicit = STEP_OF_MEMORY / self.fastest_rate();

@@ -274,9 +274,8 @@ impl<'a, 'p> FeltPush<'a, 'p> {
         let (edges, _) = distinct_edges(self.known.part);
         let Leads { followed, all } = self.leads(&edges, usize::MAX, halt);
         let found = |thoroughly: bool| {
-            let wanted = followed.iter().take_while(|_| !halt.is_wished());
-            let minima = wanted.filter_map(|(_, lead)| self.minimum(*lead, thoroughly, halt)).collect();
-            within_gate(minima, Minimum::place)
+            let minima = halt.each(followed.iter().collect(), |(_, lead)| self.minimum(*lead, thoroughly, halt));
+            within_gate(minima.into_iter().flatten().collect(), Minimum::place)
         };
         let mut minima = found(false);
         if minima.is_empty() && self.known.has_numbers() {
@@ -291,7 +290,8 @@ impl<'a, 'p> FeltPush<'a, 'p> {
             leads: &all,
             redrawn: redrawn(minimum.found.tried().guess.edge),
         };
-        minima.iter().filter_map(|minimum| self.concluded(minimum, &reach(minimum), halt)).collect()
+        let concluded = halt.every(minima.iter().collect(), |minimum| self.concluded(minimum, &reach(minimum), halt));
+        concluded.into_iter().flatten().collect()
     }
 
     /// Where the search comes to, the best first.
@@ -301,13 +301,13 @@ impl<'a, 'p> FeltPush<'a, 'p> {
         // Where the finger cannot be, it leads nowhere.
         tried.retain(|tried| is_possible(&problem, tried));
         let followed = if self.known.has_numbers() {
-            leads_of_edges(self.known.part, &tried, most.min(NUMBERED_LEADS))
+            leads_of_edges(&problem, &tried, most.min(NUMBERED_LEADS))
         } else {
             leads(&tried, most)
         };
         Leads {
             followed: followed.into_iter().map(|lead| (lead.cost, lead.guess)).collect(),
-            all: leads_of_edges(self.known.part, &tried, usize::MAX).into_iter().map(|lead| lead.guess).collect(),
+            all: leads_of_edges(&problem, &tried, usize::MAX).into_iter().map(|lead| lead.guess).collect(),
         }
     }
 
@@ -360,7 +360,7 @@ impl<'a, 'p> FeltPush<'a, 'p> {
         };
         let reach = match found {
             Fitted::Numbered(_) => Reach::Redrawn(&redrawn),
-            Fitted::Plain(_) if looked.is_walked => Reach::Valley,
+            Fitted::Plain(_) if looked.is_walked => Reach::Valley(halt),
             Fitted::Plain(_) => Reach::Slopes,
         };
         Some(Concluded {
@@ -627,10 +627,16 @@ fn listed(concluded: Vec<Concluded>) -> Vec<Concluded> {
 }
 
 /// What explains the readings, each place once, the best first; nothing where the best does not.
-fn within_gate<T>(mut minima: Vec<T>, place: impl Fn(&T) -> MinimumPlace<'_>) -> Vec<T> {
+fn within_gate<T>(minima: Vec<T>, place: impl Fn(&T) -> MinimumPlace<'_>) -> Vec<T> {
+    let near = near_best(minima, &place);
+    let is_explained = near.first().map(&place).is_some_and(|best| best.cost <= best.cost_max);
+    if is_explained { near } else { Vec::new() }
+}
+
+/// What costs little more than the best, each place once, that first.
+fn near_best<T>(mut minima: Vec<T>, place: impl Fn(&T) -> MinimumPlace<'_>) -> Vec<T> {
     minima.sort_by(|a, b| place(a).cost.total_cmp(&place(b).cost));
-    let best = minima.first().map(&place).filter(|best| best.cost <= best.cost_max);
-    let Some(least) = best.map(|best| best.cost) else { return Vec::new() };
+    let least = minima.first().map_or(0.0, |best| place(best).cost);
     let mut within: Vec<T> = Vec::new();
     for next in minima {
         let here = place(&next);

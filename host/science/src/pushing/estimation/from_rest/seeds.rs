@@ -155,35 +155,42 @@ struct Grid<'f> {
 /// A dense grid is played thinly first, and then where that is not hopeless ([`HOPELESS_BETWEEN`], [`HOPELESS_BESIDE`]).
 pub(super) fn on_edges(problem: &Problem, edges: &[usize], cover: Cover, halt: &Halt<'_>) -> Vec<Tried> {
     let frictions = problem.course.mu_c.map_or_else(|| cover.frictions(), |known| vec![known]);
-    let wanted = edges.iter().take_while(|_| !halt.is_wished());
-    let mut grids: Vec<_> = wanted.filter_map(|&edge| Grid::thin(problem, edge, cover, &frictions)).collect();
+    let of_edge = |&edge: &usize| {
+        let side = problem.course.side(edge)?;
+        let places: Vec<_> = places(problem, &side, cover).into_iter().enumerate().collect();
+        let places = halt.each(places, |(index, s)| Some(Place { index, s, angles: Angles::new(problem, edge, s)? }));
+        let places = places.into_iter().flatten().collect();
+        Some(Grid { edge, places, frictions: &frictions, step: cover.step(), seeds: Vec::new() })
+    };
+    let mut grids: Vec<_> = edges.iter().filter_map(of_edge).collect();
+    play(problem, &mut grids, |grid, place, friction, _| grid.is_first(place, friction), halt);
     let costs = grids.iter().flat_map(|grid| &grid.seeds).map(|seed| seed.tried.cost);
     let least = costs.fold(f64::INFINITY, f64::min);
-    for grid in grids.iter_mut().filter(|grid| grid.step > 1).take_while(|_| !halt.is_wished()) {
-        grid.fill(problem, least);
+    if cover.step() > 1 {
+        let wanted = |grid: &Grid<'_>, place: usize, friction: usize, u: f64| {
+            !grid.is_first(place, friction) && grid.is_hopeful(place, friction, u, least)
+        };
+        play(problem, &mut grids, wanted, halt);
     }
     grids.into_iter().flat_map(Grid::into_best).collect()
 }
 
-impl<'f> Grid<'f> {
-    /// As far as it is played at first.
-    fn thin(problem: &Problem, edge: usize, cover: Cover, frictions: &'f [f64]) -> Option<Self> {
-        let side = problem.course.side(edge)?;
-        let places = places(problem, &side, cover).into_iter().enumerate();
-        let places = places.filter_map(|(index, s)| Some(Place { index, s, angles: Angles::new(problem, edge, s)? }));
-        let mut grid = Self { edge, places: places.collect(), frictions, step: cover.step(), seeds: Vec::new() };
-        grid.seeds = grid.played(problem, |place, friction, _| grid.is_first(place, friction));
-        Some(grid)
-    }
+/// Plays what is wanted of every grid: of a place's number, a friction's and a contact angle.
+fn play<'f>(
+    problem: &Problem,
+    grids: &mut [Grid<'f>],
+    wanted: impl Fn(&Grid<'f>, usize, usize, f64) -> bool + Sync,
+    halt: &Halt<'_>,
+) {
+    let places = grids.iter().enumerate().flat_map(|(grid, of)| of.places.iter().map(move |place| (grid, place)));
+    let played = halt.each(places.collect(), |(grid, place)| {
+        let of = &grids[grid];
+        (grid, of.played(problem, place, |friction, u| wanted(of, place.index, friction, u)))
+    });
+    played.into_iter().for_each(|(grid, seeds)| grids[grid].seeds.extend(seeds));
+}
 
-    /// Plays the rest, but for what is hopeless beside the least cost there is.
-    fn fill(&mut self, problem: &Problem, least: f64) {
-        let more = self.played(problem, |place, friction, u| {
-            !self.is_first(place, friction) && self.is_hopeful(place, friction, u, least)
-        });
-        self.seeds.extend(more);
-    }
-
+impl Grid<'_> {
     /// Whether a guess between those of the thin grid is worth playing.
     fn is_hopeful(&self, place: usize, friction: usize, u: f64, least: f64) -> bool {
         let corners = self.corners(place, friction, u);
@@ -236,26 +243,23 @@ impl<'f> Grid<'f> {
         place.is_multiple_of(self.step) && (friction.is_multiple_of(self.step) || friction == self.rolling())
     }
 
-    /// The guesses that are wanted of a place's number, a friction's and a contact angle.
-    fn played(&self, problem: &Problem, wanted: impl Fn(usize, usize, f64) -> bool) -> Vec<Seed> {
+    /// The guesses at a place that are wanted of a friction's number and a contact angle.
+    fn played(&self, problem: &Problem, place: &Place, wanted: impl Fn(usize, f64) -> bool) -> Vec<Seed> {
         let mut played: Vec<Seed> = Vec::new();
         // What rolls comes first: where one friction suffices for it, another that suffices too changes nothing.
         let rolling = problem.course.mu_c.is_none().then_some(self.rolling());
         for friction in rolling.into_iter().chain(0..self.frictions.len()) {
             let mu_c = self.friction(friction);
-            for place in &self.places {
-                let angles = place.angles.solutions(mu_c).into_iter().filter(|u| wanted(place.index, friction, *u));
-                for u in angles {
-                    let is_played = self.seeds.iter().chain(&played).any(|seed| {
-                        let is_same = seed.place == place.index && (seed.tried.guess.u - u).abs() < SAME_ANGLE;
-                        is_same && self.stands_for(seed, friction)
-                    });
-                    if !is_played {
-                        let guess = Guess { edge: self.edge, u, s: place.s, mu_c, ..Guess::AT_REST };
-                        let can_be = |it: &Tried| mu_c.is_finite() || it.path.friction_needed < NEEDED_MAX;
-                        let tried = problem.try_onsets(guess).filter(can_be);
-                        played.extend(tried.map(|tried| Seed { place: place.index, friction, tried }));
-                    }
+            for u in place.angles.solutions(mu_c).into_iter().filter(|u| wanted(friction, *u)) {
+                let is_played = self.seeds.iter().chain(&played).any(|seed| {
+                    let is_same = seed.place == place.index && (seed.tried.guess.u - u).abs() < SAME_ANGLE;
+                    is_same && self.stands_for(seed, friction)
+                });
+                if !is_played {
+                    let guess = Guess { edge: self.edge, u, s: place.s, mu_c, ..Guess::AT_REST };
+                    let can_be = |it: &Tried| mu_c.is_finite() || it.path.friction_needed < NEEDED_MAX;
+                    let tried = problem.try_onsets(guess).filter(can_be);
+                    played.extend(tried.map(|tried| Seed { place: place.index, friction, tried }));
                 }
             }
         }

@@ -14,6 +14,7 @@ use nalgebra::{DMatrix, Matrix2, SMatrix, SVector, Vector4};
 
 use super::fit::{COLUMNS, PARAMETERS, Problem, Tried, moved, vector};
 use super::path::Guess;
+use crate::search::Halt;
 
 /// By how much the cost rises to the ends of the 95 % interval of one unknown; a standard deviation costs 1.
 const RISE_95: f64 = 3.841;
@@ -77,6 +78,7 @@ impl Valley {
         at: &Tried,
         covariance: &DMatrix<f64>,
         state: &SMatrix<f64, 4, PARAMETERS>,
+        halt: &Halt<'_>,
     ) -> Option<Self> {
         let held = held(problem, covariance, state)?;
         let straight: SVector<f64, COLUMNS> =
@@ -85,7 +87,7 @@ impl Valley {
         if [1.0, -1.0].iter().all(|&side| walk.is_straight(side, state)) {
             return None;
         }
-        let [up, down] = [1.0, -1.0].map(|side| walk.to_side(side));
+        let [up, down] = halt.every(vec![1.0, -1.0], |side| walk.to_side(side)).try_into().ok()?;
         let mut line: Vec<_> = down.into_iter().rev().map(|(along, there)| (-along, Some(there))).collect();
         line.push((0.0, None));
         line.extend(up.into_iter().map(|(along, there)| (along, Some(there))));

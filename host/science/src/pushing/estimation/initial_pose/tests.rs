@@ -1,4 +1,5 @@
 use std::f64::consts::FRAC_PI_2;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use proptest::prelude::*;
 
@@ -326,8 +327,8 @@ fn a_table_in_the_making_can_be_stopped() {
     let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.03]].map(Point2::from)).unwrap();
     let push = push(FingerShape::Disk { radius: 0.01 }, Object::Polygon(block), [0.01, 0.1], 1.5);
     check_stopping_of_making(|stop| Table::new_until(&push, 0.8, stop));
-    let asked = std::cell::Cell::new(0);
-    let stop = || asked.replace(asked.get() + 1) == 2;
+    let asked = AtomicUsize::new(0);
+    let stop = || asked.fetch_add(1, Relaxed) == 2;
     assert!(Table::new_until(&push, 0.8, &stop).is_none());
-    assert_eq!(asked.get(), 3, "it is not asked again");
+    assert_eq!(asked.load(Relaxed), 3, "it is not asked again");
 }

@@ -12,14 +12,15 @@
 //! Frames: world axes. Units: SI; readings in time of the force's clock, places in that of the path's; path time + offset =
 //! force time. Errors: none; a path too short to tell a motion explains nothing.
 
-use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex};
 
+use super::super::misfit_limit;
 use super::super::numbers::MotionNumbers;
-use super::super::path::Guess;
-use super::super::{is_one_place, misfit_limit};
 use super::read_force::Doubts;
 use super::{
-    Concluded, FeltPush, ForceHypothesis, ForceReading, KnownOfFinger, Looked, conclude, distinct_edges, legs_since,
+    Concluded, FeltPush, ForceHypothesis, ForceReading, KnownOfFinger, Looked, Minimum, conclude, distinct_edges,
+    legs_since, near_best,
 };
 use crate::pushing::finger_motion::Leg;
 use crate::pushing::measured_path::{FittedPath, MeasuredPath, PathEffects, PathModes, TOLD_RAD, Wandering};
@@ -155,31 +156,28 @@ impl<'a> Measured<'a> {
     fn estimate(&self, halt: &Halt<'_>) -> Vec<(f64, ForceHypothesis)> {
         let (edges, symmetry) = distinct_edges(self.known.part);
         let tried = if self.offset.sd > OFFSET_SURE_S { &OFFSETS_TRIED[..] } else { &OFFSETS_TRIED[..1] };
-        let mut begun: Vec<(f64, f64, Guess)> = Vec::new();
-        for &sds in tried {
+        let leads = |sds: f64| {
             let leads = self.at(sds, |push| push.leads(&edges, OFFSET_LEADS, halt).followed).unwrap_or_default();
-            begun.extend(leads.into_iter().map(|(cost, guess)| (cost + sds * sds, sds, guess)));
-        }
+            leads.into_iter().map(move |(cost, guess)| (cost + sds * sds, sds, guess))
+        };
+        let mut begun: Vec<_> = halt.each(tried.to_vec(), leads).into_iter().flatten().collect();
         begun.sort_by(|a, b| a.0.total_cmp(&b.0));
         let least = begun.first().map_or(0.0, |begun| begun.0);
         begun.retain(|begun| begun.0 <= HOPELESS * least.max(2.0 * self.readings.len() as f64));
-        let mut found: Vec<(f64, Concluded)> = Vec::new();
-        for (_, sds, guess) in begun.into_iter().take(LEADS).take_while(|_| !halt.is_wished()) {
-            let followed = self.at(sds, |push| {
-                let minimum = push.minimum(guess, false, halt)?;
+        begun.truncate(LEADS);
+        let minimum = |(_, sds, guess)| Some((sds, self.at(sds, |push| push.minimum(guess, false, halt))??));
+        let minima = halt.each(begun, minimum).into_iter().flatten().collect();
+        // Only what may be listed is looked at further.
+        let minima = near_best(minima, |(_, minimum): &(f64, Minimum)| minimum.place());
+        let concluded = |(sds, minimum): (f64, Minimum)| {
+            let mut found = self.at(sds, |push| {
                 Some((push.offset_of(minimum.found.taken()), push.concluded(&minimum, &Looked::ALONE, halt)?))
-            });
-            let Some(Some((offset, mut next))) = followed else { continue };
-            self.count_path(&mut next);
-            let is_known =
-                |(_, other): &(f64, Concluded)| is_one_place(&other.guess, &other.end, &next.guess, &next.end);
-            match found.iter_mut().find(|other| is_known(other)) {
-                Some(other) if next.cost < other.1.cost => *other = (offset, next),
-                Some(_) => {}
-                None => found.push((offset, next)),
-            }
-        }
-        let (offsets, found): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+            })??;
+            self.count_path(&mut found.1);
+            Some(found)
+        };
+        let found = halt.every(minima, concluded).into_iter().flatten();
+        let (offsets, found): (Vec<_>, Vec<_>) = found.unzip();
         let costs: Vec<_> = found.iter().map(|found| found.found.cost).collect();
         let listed = conclude(found, self.known, symmetry);
         let of = |listed: &ForceHypothesis| {
@@ -199,7 +197,7 @@ impl<'a> Measured<'a> {
         let known = KnownOfFinger { motion: &motion, ..*self.known };
         let moved = |reading: &ForceReading| ForceReading { time: reading.time - offset - begins, ..*reading };
         let readings: Vec<_> = self.readings.iter().map(moved).collect();
-        let numbers = PathNumbers { measured: self, fitted, sds, last: RefCell::new(None) };
+        let numbers = PathNumbers { measured: self, fitted, sds, last: Mutex::default() };
         FeltPush::new(&known, &readings, Some(numbers)).map(|push| of(&push))
     }
 
@@ -270,9 +268,12 @@ pub(super) struct PathNumbers<'a> {
     fitted: FittedPath,
     /// What the offset is taken for in `fitted`.
     sds: f64,
-    /// The motion of the offset asked for last: modes are looked at one after the other.
-    last: RefCell<Option<(u64, FittedPath)>>,
+    /// Motions of the offsets asked for last: modes are looked at one after the other, of several minima at the same time.
+    last: Mutex<VecDeque<(u64, Arc<FittedPath>)>>,
 }
+
+/// Offsets of which the motion is kept.
+const OFFSETS_KEPT: usize = 16;
 
 impl MotionNumbers for PathNumbers<'_> {
     fn taken_for(&self) -> Vec<f64> {
@@ -288,11 +289,7 @@ impl MotionNumbers for PathNumbers<'_> {
         let changes = off.iter().copied().zip(modes.modes.iter().map(Vec::as_slice));
         let is_new = onset.is_some() && offset.to_bits() != self.offset(&self.taken_for()).to_bits();
         let motion = if is_new {
-            let mut last = self.last.borrow_mut();
-            if last.as_ref().is_none_or(|(of, _)| *of != offset.to_bits()) {
-                *last = Some((offset.to_bits(), path.fitted(begins, wandering)?));
-            }
-            last.as_ref()?.1.motion(changes)?
+            self.fitted_at(offset, || path.fitted(begins, wandering))?.motion(changes)?
         } else {
             self.fitted.motion(changes)?
         };
@@ -306,6 +303,19 @@ impl MotionNumbers for PathNumbers<'_> {
 }
 
 impl PathNumbers<'_> {
+    /// The motion of an offset, fitted where it was not asked for lately.
+    fn fitted_at(&self, offset: f64, fit: impl FnOnce() -> Option<FittedPath>) -> Option<Arc<FittedPath>> {
+        let is_it = |(of, _): &&(u64, Arc<FittedPath>)| *of == offset.to_bits();
+        if let Some((_, fitted)) = self.last.lock().ok()?.iter().find(is_it) {
+            return Some(Arc::clone(fitted));
+        }
+        let fitted = Arc::new(fit()?);
+        let mut last = self.last.lock().ok()?;
+        last.push_front((offset.to_bits(), Arc::clone(&fitted)));
+        last.truncate(OFFSETS_KEPT);
+        Some(fitted)
+    }
+
     fn seeks_offset(&self) -> bool {
         self.measured.offset.sd > OFFSET_SURE_S
     }

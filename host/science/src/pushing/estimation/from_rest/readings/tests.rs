@@ -11,7 +11,7 @@ use crate::gravity::GRAVITY_ASSUMED;
 use crate::math::random::Draw;
 use crate::math::statistics::chi_square_quantile;
 use crate::pushing::measured_path::MeasuredPath;
-use crate::search::never;
+use crate::search::{Caller, never};
 
 /// One reading, each axis, N.
 const NOISE_N: f64 = 2e-3;
@@ -223,6 +223,36 @@ fn a_fit_with_numbers_ends_where_every_small_change_costs_more() {
         judged += 1;
     }
     assert!(judged >= 4, "{judged}");
+}
+
+/// Whoever does the work of a search may do it in any order.
+#[test]
+fn what_is_found_does_not_depend_on_the_order_of_the_work() {
+    struct Backwards;
+
+    impl Caller for Backwards {
+        fn stops(&self) -> bool {
+            false
+        }
+
+        fn work(&self, count: usize, task: &(dyn Fn(usize) + Sync)) {
+            (0..count).rev().for_each(task);
+        }
+    }
+
+    for case in 0..3 {
+        let mut draw = Draw::case(29, case);
+        let drawn = Case::draw(&mut draw);
+        let readings = drawn.readings(&mut draw, 0.0);
+        let errors = PartErrors { centre_of_mass_sigma: 1e-3, ..PartErrors::NONE };
+        for errors in [None, Some(errors)] {
+            let known = KnownOfFinger { errors, mu_c: None, ..drawn.known(&drawn.part) };
+            let (usual, backwards) =
+                (estimate_until(&known, &readings, &never), estimate_until(&known, &readings, &Backwards));
+            assert!(!usual.found.is_empty(), "case {case}");
+            assert_eq!(usual, backwards, "case {case}, {errors:?}");
+        }
+    }
 }
 
 /// Where a valley is straight, what might have been felt instead spreads as slopes say.
