@@ -91,10 +91,28 @@ pub(super) struct NumberOff {
 }
 
 impl OfNumber {
+    /// The same of a number that is held so many times as much where it is as by its prior: z² + λ (z − z₀)² is, but for what is
+    /// constant, the square of y = (1 + λ)^½ (z − λ z₀ / (1 + λ)), which is found instead; see [`undamped`].
+    pub(super) fn damped(&self, damping: f64) -> Self {
+        let wider = (1.0 + damping).sqrt();
+        let NumberOff { predicted, felt } = self.off;
+        let damped = |z: f64| (z - damping * predicted / (1.0 + damping)) * wider;
+        Self {
+            per_mass: &self.per_mass / wider,
+            carried: self.carried.as_ref().map(|carried| carried / wider),
+            off: NumberOff { predicted: damped(predicted), felt: damped(felt) },
+        }
+    }
+
     fn at(&self, mass: f64) -> DVector<f64> {
         let per_mass = &self.per_mass * mass;
         self.carried.as_ref().map_or_else(|| per_mass.clone(), |carried| &per_mass + carried)
     }
+}
+
+/// The number z of one that was found damped, of where it was.
+pub(super) fn undamped(found: f64, was: f64, damping: f64) -> f64 {
+    damping * was / (1.0 + damping) + found / (1.0 + damping).sqrt()
 }
 
 /// A prediction of some mass against what was felt.
@@ -170,5 +188,30 @@ impl Predicted {
         let taken = taken(&off).unwrap_or_else(|| DVector::zeros(unsure.ncols()));
         let rest = off - &unsure * &taken;
         Compared { mass, cost: rest.norm_squared() + taken.norm_squared(), rest }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// z² + λ (z − z₀)² + |data − shape − column (z − z₀)|² is least where its derivative is zero.
+        #[test]
+        fn a_damped_number_is_held_by_so_much(case in 0..100_000_usize, was in -3.0..3.0, damping in 0.0..1e4) {
+            let mut draw = Draw::case(41, case);
+            let mut vector = || DVector::from_fn(8, |_, _| draw.normal());
+            let (data, shape, column) = (vector(), vector(), vector());
+            let off = NumberOff { predicted: was, felt: was };
+            let number = OfNumber { per_mass: column.clone(), carried: None, off }.damped(damping);
+            let predicted = Predicted { numbers: vec![number], ..Predicted::exact(shape.clone()) };
+            let rest = predicted.compared(&data, Some(1.0)).rest;
+            let found = undamped(predicted.numbers[0].per_mass.dot(&rest), was, damping);
+            let own = column.norm_squared();
+            let least = (column.dot(&(data - shape)) + (own + damping) * was) / (1.0 + damping + own);
+            prop_assert!((found - least).abs() < 1e-9 * (1.0 + least.abs()), "{found}, not {least}");
+        }
     }
 }

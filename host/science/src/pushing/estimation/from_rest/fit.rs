@@ -179,7 +179,8 @@ impl<'p> Problem<'_, 'p> {
         self.measured.onset_sd().map_or(0.0, |sd| delay / sd)
     }
 
-    fn try_path(&self, guess: Guess, path: Path) -> Option<Tried> {
+    /// The same of one that was played.
+    pub(super) fn try_path(&self, guess: Guess, path: Path) -> Option<Tried> {
         let [s_min, s_max] = range(&self.course.side(guess.edge)?);
         let mut predicted = self.measured.predicted(&path, guess.delay);
         if !self.course.changed.is_empty() {

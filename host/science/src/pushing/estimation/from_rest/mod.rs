@@ -359,12 +359,20 @@ fn ranked_leads(tried: &[Tried]) -> Vec<(usize, Tried)> {
 
 /// As many of them, those of every edge in turn: what is not known of the part may make another edge's the lowest in the end,
 /// or another valley's. Of an edge first the best, then of all that explain as well what is farthest from those chosen, so
-/// that a long flat valley is seen from end to end; then the others, pieces of one valley last.
+/// that a long flat valley is seen from end to end; then the others, pieces of one valley last. What is much dearer than the best,
+/// and explains what was felt all the same, is followed from the best of its edge: to take what is not known for noise says little
+/// of what it may do in the end.
 fn leads_of_edges(problem: &Problem, tried: &[Tried], count: usize) -> Vec<Tried> {
     let arm = problem.course.part.inertia_per_mass().sqrt();
     let mut of_edges: BTreeMap<usize, Vec<Tried>> = BTreeMap::new();
     for lead in leads(tried, usize::MAX) {
         of_edges.entry(lead.guess.edge).or_default().push(lead);
+    }
+    let cost_max = limit(problem.measured);
+    let mut others: Vec<_> = tried.iter().filter(|tried| tried.cost <= cost_max).collect();
+    others.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    for other in others {
+        of_edges.entry(other.guess.edge).or_insert_with(|| vec![other.clone()]);
     }
     let ordered = of_edges.into_values().flat_map(|leads| spread_out(leads, arm).into_iter().enumerate());
     let mut ordered: Vec<_> = ordered.collect();

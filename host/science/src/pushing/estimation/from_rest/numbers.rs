@@ -1,7 +1,8 @@
 //! A fit with the numbers of part and motion found too.
 //!
 //! Each number has a prior and is told in its standard deviations. What it changes of the force is straight only near where
-//! it is taken to be: so each fit begins where the one before came to, until nothing changes (Gauss and Newton).
+//! it is taken to be: so each fit begins where the one before came to, until nothing changes (Gauss and Newton; damped where that
+//! leads to what costs more: Levenberg and Marquardt).
 //!
 //! What all that is not known leaves open is sampled: the same fits of what might have been felt instead, each number with its
 //! prior drawn too, begun at the minimum and all along its edge. Where a valley bends, slopes at its lowest point say too little.
@@ -13,12 +14,13 @@ use std::borrow::Cow;
 use nalgebra::{DVector, Vector2};
 
 use super::GATE;
-use super::felt::{Felt, NumberOff, OfNumber, Predicted};
-use super::fit::{Problem, SHARE_OF_SD, Tried};
+use super::felt::{Felt, NumberOff, OfNumber, Predicted, undamped};
+use super::fit::{PARAMETERS, Problem, SHARE_OF_SD, Tried, moved};
 use super::friction_along::FrictionAlong;
 use super::model::sought;
 use super::part_errors::PartErrors;
 use super::path::{Changed, Course, Guess, Path};
+use super::valley::change;
 use crate::math::random::Draw;
 use crate::pushing::dynamics::Part;
 use crate::pushing::finger_motion::Leg;
@@ -29,15 +31,20 @@ use crate::search::Halt;
 struct Effort {
     /// Fits in which numbers are found.
     fits: usize,
+    /// Of those that led to what costs more.
+    damped: usize,
     /// Steps of each.
     steps: usize,
 }
 
 /// Of what is listed.
-const EFFORT: Effort = Effort { fits: 16, steps: usize::MAX };
+const EFFORT: Effort = Effort { fits: 16, damped: 8, steps: usize::MAX };
+
+/// Of that where nothing else explains what was felt.
+const THOROUGH: Effort = Effort { fits: 48, damped: 24, ..EFFORT };
 
 /// Of one of many samples, which may stop within a fraction of a deviation of its minimum.
-const REDRAWN_EFFORT: Effort = Effort { fits: 4, steps: 8 };
+const REDRAWN_EFFORT: Effort = Effort { fits: 4, damped: 4, steps: 8 };
 
 /// Of what only leads there, at the most.
 const FITS_BEFORE: usize = 3;
@@ -46,12 +53,12 @@ const FITS_BEFORE: usize = 3;
 /// come near step by step.
 const NOISIER: [f64; 3] = [16.0, 6.0, 2.5];
 
-/// A fit that begins at a higher cost than the one before, by more than this, has led too far: the next begins midway. One
-/// standard deviation.
-const RISE_MAX: f64 = 1.0;
+/// What holds numbers where straight lines led too far, beside their priors: so many times as much, at first and the next time.
+const DAMPING_FIRST: f64 = 1.0;
+const DAMPING_UP: f64 = 6.0;
 
-/// How often, at the most.
-const HALVINGS: usize = 4;
+/// How often a step is tried again, each time twice as far, at the most.
+const FURTHER_MAX: usize = 6;
 
 /// A fit that changes the cost by less is the last.
 const COST_STEP: f64 = 0.01;
@@ -214,7 +221,8 @@ impl Unknown<'_, '_> {
         thoroughly: bool,
         halt: &Halt<'_>,
     ) -> Option<NumberedMinimum> {
-        let found = self.fitted(&self.begun(guess)?, &[felt], EFFORT, halt);
+        let effort = if thoroughly { THOROUGH } else { EFFORT };
+        let found = self.fitted(&self.begun(guess)?, &[felt], effort, halt);
         if (self.errors.is_none() && !thoroughly) || found.as_ref().is_some_and(|found| explains(&found.tried)) {
             return found;
         }
@@ -222,7 +230,7 @@ impl Unknown<'_, '_> {
         let noisier = NOISIER.map(|noise| Instead::noisier(felt, noise));
         let between = noisier.iter().take(if thoroughly { NOISIER.len() } else { 0 }).map(|felt| felt as &dyn Felt);
         let stages: Vec<_> = std::iter::once(roughly).chain(between).chain([felt]).collect();
-        let others = self.fitted(&self.begun(guess)?, &stages, EFFORT, halt);
+        let others = self.fitted(&self.begun(guess)?, &stages, effort, halt);
         found.into_iter().chain(others).min_by(|a, b| a.tried.cost.total_cmp(&b.tried.cost))
     }
 
@@ -282,56 +290,96 @@ impl Unknown<'_, '_> {
     ) -> Option<NumberedMinimum> {
         let (mut guess, mut off) = (begun.guess, begun.off.clone());
         let knots = self.friction_along(guess)?;
-        for (stage, &measured) in felt.iter().enumerate() {
-            let is_last = stage + 1 == felt.len();
-            let fits = if is_last { effort.fits } else { FITS_BEFORE };
-            let mut before = f64::INFINITY;
-            // Where the fit before began, and what it cost.
-            let mut from: Option<(Guess, Vec<f64>, f64)> = None;
-            for fit in 1..=fits {
-                // What is not at its minimum is no answer.
-                if halt.is_wished() {
-                    return None;
-                }
-                let mut there = self.seen(guess, &off, begun, &knots, measured);
-                for (from, from_off, cost) in std::iter::repeat_n(&from, HALVINGS).flatten() {
-                    if there.as_ref().is_some_and(|(_, begin)| begin.cost <= cost + RISE_MAX) {
-                        break;
-                    }
-                    guess = guess.midway(from);
-                    off.iter_mut().zip(from_off).for_each(|(off, from)| *off = 0.5 * (*off + from));
-                    there = self.seen(guess, &off, begun, &knots, measured);
-                }
-                let (numbered, begin) = there?;
-                from = Some((guess, off.clone(), begin.cost));
-                let course = numbered.course(self.course);
-                let problem = Problem { course: &course, measured, mass: self.mass };
-                // What the numbers change follows the guess slowly: it is seen once a fit.
-                let held = Instead::held(measured, begin.predicted.numbers.clone());
-                let sure = Problem { course: &course.sure(), measured: &held, mass: self.mass };
-                let tried = sure.descend(begin.clone(), effort.steps);
-                guess = tried.guess;
-                // The cost by straight lines; where nothing changes any more, it is the cost.
-                let is_still = (before - tried.cost).abs() < COST_STEP;
-                before = tried.cost;
-                // They are found in deviations from their priors.
-                let taken = |tried: &Tried| -> Vec<f64> {
-                    sure.taken_of_numbers(tried).iter().zip(&begun.prior).map(|(off, prior)| off + prior).collect()
-                };
-                off = taken(&tried);
-                if is_last && (is_still || fit == fits) {
-                    // The last straight lines may have led too far, too.
-                    let tried = problem.try_guess(guess).filter(|tried| tried.cost <= begin.cost);
-                    let (tried, taken) = tried.map_or_else(|| (begin.clone(), taken(&begin)), |tried| (tried, off));
-                    drop(course);
-                    return Some(NumberedMinimum { tried, numbered, taken });
-                }
-                if is_still {
-                    break;
-                }
-            }
+        let (last, before) = felt.split_last()?;
+        for &measured in before {
+            let minimum =
+                self.descended((guess, off), begun, &knots, measured, Effort { fits: FITS_BEFORE, ..effort }, halt)?;
+            (guess, off) = (minimum.tried.guess, minimum.taken);
         }
-        None
+        self.descended((guess, off), begun, &knots, *last, effort, halt)
+    }
+
+    /// Goes down by fits with what the numbers change held. Where one leads to what costs more, straight lines have led too far:
+    /// the next holds the numbers nearer to where they are (Levenberg and Marquardt).
+    fn descended(
+        &self,
+        (mut guess, mut off): (Guess, Vec<f64>),
+        begun: &NumberedGuess,
+        knots: &FrictionAlong,
+        measured: &dyn Felt,
+        effort: Effort,
+        halt: &Halt<'_>,
+    ) -> Option<NumberedMinimum> {
+        let mut cost = self.cost_as_taken(guess, &off, begun, knots, measured)?;
+        let (mut numbered, mut at) = self.seen(guess, &off, begun, knots, measured)?;
+        let (mut damping, mut fits, mut damped) = (0.0, 0, 0);
+        while fits < effort.fits && damped < effort.damped {
+            // What is not at its minimum is no answer.
+            halt.goes_on()?;
+            let course = numbered.course(self.course).sure();
+            let numbers = at.predicted.numbers.iter().map(|number| number.damped(damping));
+            // What the numbers change follows the guess slowly: it is seen once a fit.
+            let held = Instead::held(measured, numbers.collect());
+            let sure = Problem { course: &course, measured: &held, mass: self.mass };
+            let tried = sure.descend(sure.try_path(at.guess, at.path.clone())?, effort.steps);
+            let taken = sure.taken_of_numbers(&tried).into_iter().zip(&off).zip(&begun.prior);
+            // They are found in deviations from their priors.
+            let there: Vec<_> = taken.map(|((of, off), prior)| prior + undamped(of, off - prior, damping)).collect();
+            let cost_there = self.cost_as_taken(tried.guess, &there, begun, knots, measured);
+            let Some(cost_there) = cost_there.filter(|there| *there <= cost) else {
+                damping = if damping > 0.0 { damping * DAMPING_UP } else { DAMPING_FIRST };
+                damped += 1;
+                continue;
+            };
+            let is_still = damping <= 0.0 && cost - cost_there < COST_STEP;
+            let (by, off_by) = (change(&at, &tried), there.iter().zip(&off).map(|(there, off)| there - off));
+            let (by, off_by): (_, Vec<_>) = (by.fixed_rows::<PARAMETERS>(0).into_owned(), off_by.collect());
+            drop(course);
+            (guess, off, cost) = (tried.guess, there, cost_there);
+            // Along a valley that bends each fit goes a little way: further as long as that costs less.
+            for times in std::iter::successors(Some(1.0), |times| Some(2.0 * times)).take(FURTHER_MAX) {
+                let further = (0..PARAMETERS).fold(guess, |guess, i| moved(&guess, i, by[i] * times));
+                let off_there: Vec<_> = off.iter().zip(&off_by).map(|(off, by)| off + by * times).collect();
+                let there = self.cost_as_taken(further, &off_there, begun, knots, measured);
+                let Some(there) = there.filter(|there| *there < cost - COST_STEP) else { break };
+                (guess, off, cost) = (further, off_there, there);
+            }
+            (numbered, at) = self.seen(guess, &off, begun, knots, measured)?;
+            if is_still {
+                break;
+            }
+            damping = if damping > DAMPING_FIRST { damping / DAMPING_UP } else { 0.0 };
+            fits += 1;
+        }
+        let taken = {
+            let course = numbered.course(self.course);
+            Problem { course: &course, measured, mass: self.mass }.taken_of_numbers(&at)
+        };
+        let taken = taken.iter().zip(&begun.prior).map(|(off, prior)| off + prior).collect();
+        Some(NumberedMinimum { tried: at, numbered, taken })
+    }
+
+    /// What a guess with numbers costs, none of them being found anew.
+    fn cost_as_taken(
+        &self,
+        guess: Guess,
+        off: &[f64],
+        begun: &NumberedGuess,
+        knots: &FrictionAlong,
+        measured: &dyn Felt,
+    ) -> Option<f64> {
+        let (part, legs) = (self.part(off)?, self.legs(off)?);
+        let carried = |legs: &[Leg]| self.motion.and_then(|_| measured.carried(legs));
+        let data = match (carried(&legs), carried(&self.course.legs)) {
+            (Some(there), Some(told)) => measured.data() + there - told,
+            _ => measured.data().clone(),
+        };
+        let friction_along = self.friction(knots, off);
+        let course = Course { part: &part, legs, friction_along, ..self.course.sure() };
+        let measured = Instead::redrawn(measured, data);
+        let there = Problem { course: &course, measured: &measured, mass: self.mass }.try_guess(guess)?;
+        let squares = off.iter().zip(&begun.prior).map(|(off, prior)| (off - prior).powi(2));
+        Some(there.cost + squares.sum::<f64>())
     }
 
     /// What a guess with numbers comes to, each of them seen there.

@@ -94,21 +94,6 @@ impl Guess {
     /// A part at rest, µ g and the onset being what they are taken for; the rest is to be filled in.
     pub(super) const AT_REST: Self =
         Self { edge: 0, u: 0.0, s: 0.0, mu_c: f64::INFINITY, mu_g_log: 0.0, delay: 0.0, omega: 0.0, slide: 0.0 };
-
-    /// Midway to another guess of the edge.
-    pub(super) fn midway(&self, other: &Self) -> Self {
-        let mean = |of: fn(&Self) -> f64| 0.5 * (of(self) + of(other));
-        Self {
-            edge: self.edge,
-            u: mean(|guess| guess.u),
-            s: mean(|guess| guess.s),
-            mu_c: mean(|guess| guess.mu_c),
-            mu_g_log: mean(|guess| guess.mu_g_log),
-            delay: mean(|guess| guess.delay),
-            omega: mean(|guess| guess.omega),
-            slide: mean(|guess| guess.slide),
-        }
-    }
 }
 
 /// How closely a push is followed.
