@@ -11,11 +11,11 @@
 
 use std::borrow::Cow;
 
-use nalgebra::{DVector, Vector2};
+use nalgebra::{DVector, SVector, Vector2};
 
 use super::GATE;
 use super::felt::{Felt, NumberOff, OfNumber, Predicted, undamped};
-use super::fit::{PARAMETERS, Problem, SHARE_OF_SD, Tried, moved};
+use super::fit::{COLUMNS, PARAMETERS, Problem, SHARE_OF_SD, Tried, moved};
 use super::friction_along::FrictionAlong;
 use super::model::sought;
 use super::part_errors::PartErrors;
@@ -60,7 +60,7 @@ const DAMPING_UP: f64 = 6.0;
 /// How often a step is tried again, each time twice as far, at the most.
 const FURTHER_MAX: usize = 6;
 
-/// A fit that changes the cost by less is the last.
+/// A fit that lowers the cost by less, by straight lines, is the last.
 const COST_STEP: f64 = 0.01;
 
 /// Minima of a search that are followed with numbers found too.
@@ -85,6 +85,23 @@ pub(super) struct Unknown<'a, 'p> {
     pub(super) motion: Option<&'a dyn MotionNumbers>,
     /// Standard deviation of ln µ_c from one place of an edge to another; 0 where it is the same everywhere.
     pub(super) mu_c_wander_log_sd: f64,
+}
+
+/// A guess, its numbers and their cost where a step has led that changed both by so much, or further the same way as long as that
+/// costs less: along a valley that bends each fit goes a little way.
+fn further(
+    (mut guess, mut off, mut cost): (Guess, Vec<f64>, f64),
+    (by, off_by): &(SVector<f64, COLUMNS>, Vec<f64>),
+    costs: impl Fn(Guess, &[f64]) -> Option<f64>,
+) -> (Guess, Vec<f64>, f64) {
+    for times in std::iter::successors(Some(1.0), |times| Some(2.0 * times)).take(FURTHER_MAX) {
+        let further = (0..PARAMETERS).fold(guess, |guess, i| moved(&guess, i, by[i] * times));
+        let off_there: Vec<_> = off.iter().zip(off_by).map(|(off, by)| off + by * times).collect();
+        let there = costs(further, &off_there).filter(|there| *there < cost - COST_STEP);
+        let Some(there) = there else { break };
+        (guess, off, cost) = (further, off_there, there);
+    }
+    (guess, off, cost)
 }
 
 /// A part and a motion with numbers off, and with each of them a little more off.
@@ -310,7 +327,8 @@ impl Unknown<'_, '_> {
         effort: Effort,
         halt: &Halt<'_>,
     ) -> Option<NumberedMinimum> {
-        let mut cost = self.cost_as_taken(guess, &off, begun, knots, measured)?;
+        let costs = |guess: Guess, off: &[f64]| self.cost_as_taken(guess, off, begun, knots, measured);
+        let mut cost = costs(guess, &off)?;
         let (mut numbered, mut at) = self.seen(guess, &off, begun, knots, measured)?;
         let (mut damping, mut fits, mut damped) = (0.0, 0, 0);
         while fits < effort.fits && damped < effort.damped {
@@ -321,35 +339,32 @@ impl Unknown<'_, '_> {
             // What the numbers change follows the guess slowly: it is seen once a fit.
             let held = Instead::held(measured, numbers.collect());
             let sure = Problem { course: &course, measured: &held, mass: self.mass };
-            let tried = sure.descend(sure.try_path(at.guess, at.path.clone())?, effort.steps);
+            let start = sure.try_path(at.guess, at.path.clone())?;
+            let start_cost = start.cost;
+            let tried = sure.descend(start, effort.steps);
             let taken = sure.taken_of_numbers(&tried).into_iter().zip(&off).zip(&begun.prior);
             // They are found in deviations from their priors.
-            let there: Vec<_> = taken.map(|((of, off), prior)| prior + undamped(of, off - prior, damping)).collect();
-            let cost_there = self.cost_as_taken(tried.guess, &there, begun, knots, measured);
-            let Some(cost_there) = cost_there.filter(|there| *there <= cost) else {
-                damping = if damping > 0.0 { damping * DAMPING_UP } else { DAMPING_FIRST };
-                damped += 1;
-                continue;
-            };
-            let is_still = damping <= 0.0 && cost - cost_there < COST_STEP;
-            let (by, off_by) = (change(&at, &tried), there.iter().zip(&off).map(|(there, off)| there - off));
-            let (by, off_by): (_, Vec<_>) = (by.fixed_rows::<PARAMETERS>(0).into_owned(), off_by.collect());
+            let taken = taken.map(|((of, off), prior)| prior + undamped(of, off - prior, damping)).collect::<Vec<_>>();
+            let cost_there = costs(tried.guess, &taken).filter(|there| *there <= cost);
+            // By straight lines; where nothing changes any more, costs are those.
+            let is_last = start_cost - tried.cost < COST_STEP;
             drop(course);
-            (guess, off, cost) = (tried.guess, there, cost_there);
-            // Along a valley that bends each fit goes a little way: further as long as that costs less.
-            for times in std::iter::successors(Some(1.0), |times| Some(2.0 * times)).take(FURTHER_MAX) {
-                let further = (0..PARAMETERS).fold(guess, |guess, i| moved(&guess, i, by[i] * times));
-                let off_there: Vec<_> = off.iter().zip(&off_by).map(|(off, by)| off + by * times).collect();
-                let there = self.cost_as_taken(further, &off_there, begun, knots, measured);
-                let Some(there) = there.filter(|there| *there < cost - COST_STEP) else { break };
-                (guess, off, cost) = (further, off_there, there);
+            match cost_there {
+                Some(there) => {
+                    let by = (change(&at, &tried), taken.iter().zip(&off).map(|(to, from)| to - from).collect());
+                    (guess, off, cost) = further((tried.guess, taken, there), &by, costs);
+                    (numbered, at) = self.seen(guess, &off, begun, knots, measured)?;
+                    damping = if damping > DAMPING_FIRST { damping / DAMPING_UP } else { 0.0 };
+                    fits += 1;
+                }
+                None => {
+                    damping = if damping > 0.0 { damping * DAMPING_UP } else { DAMPING_FIRST };
+                    damped += 1;
+                }
             }
-            (numbered, at) = self.seen(guess, &off, begun, knots, measured)?;
-            if is_still {
+            if is_last {
                 break;
             }
-            damping = if damping > DAMPING_FIRST { damping / DAMPING_UP } else { 0.0 };
-            fits += 1;
         }
         let taken = {
             let course = numbered.course(self.course);
