@@ -44,7 +44,10 @@ pub(crate) fn shared(count: usize, threads: NonZeroUsize, task: impl Fn(usize) +
         numbers.take_while(|number| *number < count).for_each(&task);
     };
     thread::scope(|scope| {
-        (1..threads.get().min(count)).for_each(|_| drop(scope.spawn(work)));
+        for _ in 1..threads.get().min(count) {
+            // Where the system has no more threads, fewer do it.
+            let _ = thread::Builder::new().name("palpate work".to_owned()).spawn_scoped(scope, work);
+        }
         work();
     });
 }

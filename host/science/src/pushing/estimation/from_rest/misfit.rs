@@ -133,14 +133,12 @@ struct Tried {
 
 /// Those of one kind that fit, the best first.
 fn fitting(tried: Vec<Tried>, known: &KnownFromRest, measured: &WindowedForce, halt: &Halt<'_>) -> Vec<LikelyMistake> {
-    let wanted = tried.into_iter().take_while(|_| !halt.is_wished());
-    let mut likely: Vec<_> = wanted
-        .filter_map(|tried| {
-            let Fit { cost, cost_max, .. } = tried.fit(known, measured);
-            let cost = cost.filter(|cost| *cost <= cost_max)?;
-            Some(LikelyMistake { mistake: tried.mistake, cost })
-        })
-        .collect();
+    let fit = |tried: Tried| {
+        let Fit { cost, cost_max, .. } = tried.fit(known, measured);
+        let cost = cost.filter(|cost| *cost <= cost_max)?;
+        Some(LikelyMistake { mistake: tried.mistake, cost })
+    };
+    let mut likely: Vec<_> = halt.each(tried, fit).into_iter().flatten().collect();
     likely.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     likely
 }
@@ -194,7 +192,8 @@ fn radii(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt<'_>) -> Ve
         let Fit { cost, cost_max, .. } = at(radius).fit(known, measured);
         cost.map_or(f64::INFINITY, |cost| cost / cost_max)
     };
-    let costs = RADII.map(|share| if halt.is_wished() { f64::INFINITY } else { cost(share * known.radius) });
+    let cost_of = |share: f64| if halt.is_wished() { f64::INFINITY } else { cost(share * known.radius) };
+    let costs = halt.every(RADII.to_vec(), cost_of);
     let Some(best) = (0..RADII.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])) else { return Vec::new() };
     if costs[best] > NEARLY {
         return Vec::new();

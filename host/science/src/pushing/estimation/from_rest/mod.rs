@@ -450,7 +450,7 @@ fn at_other_places(problem: &Problem, tried: &[Tried], halt: &Halt<'_>) -> Vec<T
         SLIPPING.map(|share| Guess { mu_c: (share * lead.path.friction_needed).max(MU_C_MIN), ..lead.guess })
     });
     let slipping = halt.each(slipping.collect(), |guess| problem.try_guess(guess)).into_iter().flatten();
-    let aside = halt.each(leads.iter().collect(), |lead| seeds::along_edge(problem, lead)).into_iter().flatten();
+    let aside = halt.each(leads.iter().collect(), |lead| seeds::along_edge(problem, lead, halt)).into_iter().flatten();
     let begun = aside.chain(slipping).filter(is_hopeful(least_cost(tried)));
     descend_all(problem, begun.collect(), halt)
 }

@@ -283,10 +283,10 @@ fn is_best_around(seed: &Seed, seeds: &[Seed]) -> bool {
 
 /// Guesses on the edge of a minimum that differ from it in their place alone and are better than their neighbours: one
 /// force may have two places, and the grid lead to one of them.
-pub(super) fn along_edge(problem: &Problem, minimum: &Tried) -> Vec<Tried> {
+pub(super) fn along_edge(problem: &Problem, minimum: &Tried, halt: &Halt<'_>) -> Vec<Tried> {
     let Some(side) = problem.course.side(minimum.guess.edge) else { return Vec::new() };
     let places = places(problem, &side, Cover::Dense);
-    let tried: Vec<_> = places.into_iter().map(|s| problem.try_guess(Guess { s, ..minimum.guess })).collect();
+    let tried = halt.each(places, |s| problem.try_guess(Guess { s, ..minimum.guess }));
     let cost = |place: Option<usize>| {
         let there = place.and_then(|place| tried.get(place)).and_then(Option::as_ref);
         there.map_or(f64::INFINITY, |tried| tried.cost)

@@ -166,9 +166,8 @@ impl SearchTask {
         let concluded = listed(push.all(false, &halt));
         let explanations = concluded.len();
         let few = if explanations <= EXPLANATIONS_MAX { &concluded[..] } else { &[] };
-        let followed = few.iter().take_while(|_| !halt.is_wished());
-        let followed = followed.flat_map(|found| Followed::all_of(found, &push, time)).collect();
-        Found { explanations, followed: kept(followed), time }
+        let followed = halt.each(few.iter().collect(), |found| Followed::all_of(found, &push, time));
+        Found { explanations, followed: kept(followed.into_iter().flatten().collect()), time }
     }
 }
 
