@@ -60,7 +60,7 @@ const DAMPING_UP: f64 = 6.0;
 /// How often a step is tried again, each time twice as far, at the most.
 const FURTHER_MAX: usize = 6;
 
-/// A fit that lowers the cost by less, by straight lines, is the last.
+/// A fit that lowers the cost by less is the last.
 const COST_STEP: f64 = 0.01;
 
 /// Minima of a search that are followed with numbers found too.
@@ -339,21 +339,22 @@ impl Unknown<'_, '_> {
             // What the numbers change follows the guess slowly: it is seen once a fit.
             let held = Instead::held(measured, numbers.collect());
             let sure = Problem { course: &course, measured: &held, mass: self.mass };
-            let start = sure.try_path(at.guess, at.path.clone())?;
-            let start_cost = start.cost;
-            let tried = sure.descend(start, effort.steps);
+            let tried = sure.descend(sure.try_path(at.guess, at.path.clone())?, effort.steps);
             let taken = sure.taken_of_numbers(&tried).into_iter().zip(&off).zip(&begun.prior);
             // They are found in deviations from their priors.
             let taken = taken.map(|((of, off), prior)| prior + undamped(of, off - prior, damping)).collect::<Vec<_>>();
             let cost_there = costs(tried.guess, &taken).filter(|there| *there <= cost);
-            // By straight lines; where nothing changes any more, costs are those.
-            let is_last = start_cost - tried.cost < COST_STEP;
             drop(course);
             match cost_there {
                 Some(there) => {
+                    // Held numbers may go further once they are freed.
+                    let is_last = damping <= 0.0 && cost - there < COST_STEP;
                     let by = (change(&at, &tried), taken.iter().zip(&off).map(|(to, from)| to - from).collect());
                     (guess, off, cost) = further((tried.guess, taken, there), &by, costs);
                     (numbered, at) = self.seen(guess, &off, begun, knots, measured)?;
+                    if is_last {
+                        break;
+                    }
                     damping = if damping > DAMPING_FIRST { damping / DAMPING_UP } else { 0.0 };
                     fits += 1;
                 }
@@ -361,9 +362,6 @@ impl Unknown<'_, '_> {
                     damping = if damping > 0.0 { damping * DAMPING_UP } else { DAMPING_FIRST };
                     damped += 1;
                 }
-            }
-            if is_last {
-                break;
             }
         }
         let taken = {
