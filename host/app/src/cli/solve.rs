@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
-use crate::threads::processors;
 use miette::{IntoDiagnostic, WrapErr};
 use palpate_files::solve::{self, KINDS, Registry};
+
+use crate::threads::processors;
 
 /// Exit status if some line had an error (fixed by the interface).
 const EXIT_SOME_FAILED: u8 = 2;
