@@ -206,7 +206,8 @@ impl<const N: usize> Floor<N> {
     }
 }
 
-/// When a success was the last one needed: it lowered the cost by no more than `relative · cost + absolute`.
+/// When a descent has come to its end: a success lowered the cost by no more than `relative · cost + absolute`, or a trial failed
+/// where no more was to be gained.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Enough {
     /// Share of the cost.
@@ -224,7 +225,7 @@ pub struct LeastSquaresSettings<const N: usize> {
     pub damping: Damping,
     /// What holds unknowns without influence.
     pub floor: Floor<N>,
-    /// When a success was the last one needed.
+    /// When a descent has come to its end.
     pub enough: Enough,
     /// Trials at most, failures included.
     pub trials_max: usize,
@@ -393,6 +394,10 @@ impl<const N: usize, P: LeastSquaresProblem<N>> Descent<'_, P, N> {
             }
             if cost_before.is_finite() && predicted <= ROUNDING_SHARE * cost_before {
                 return Err(Outcome::Stalled);
+            }
+            // Shorter steps would gain even less.
+            if self.is_enough(predicted, cost_before) {
+                return Err(Outcome::Converged);
             }
             self.fail();
         }

@@ -247,6 +247,27 @@ fn a_cost_that_no_step_lowers_stalls_within_the_damping() {
     assert!(found.trials <= 12, "{}", found.trials);
 }
 
+/// A parabola on whose slope somebody has dug a hole: from within it no step leads lower, though by slopes one would.
+#[test]
+fn where_no_step_lowers_the_cost_and_none_would_by_more_than_is_enough_one_is_tried() {
+    const HOLE: f64 = 0.05;
+    let problem = Plain {
+        residuals: |x: &Vector1<f64>| Vector2::new(x[0], if x[0] < HOLE { 0.1 } else { 0.0 }),
+        slopes: |_: &Vector1<f64>| Vector2::new(1.0, 0.0),
+    };
+    let tried = |absolute: f64| {
+        let enough = Enough { relative: 0.0, absolute, damping_max: f64::INFINITY };
+        let settings = LeastSquaresSettings { enough, ..LeastSquaresSettings::default() };
+        let Found { outcome, trials, place } = minimise(&problem, Vector1::new(HOLE), &settings, |_| false);
+        assert!((place[0] - HOLE).abs() < 1e-6, "{place}");
+        (outcome, trials)
+    };
+    // By slopes 0.0025 are to be gained.
+    assert_eq!(tried(0.0026), (Outcome::Converged, 1));
+    let (outcome, trials) = tried(0.0);
+    assert!(outcome == Outcome::Stalled && trials > 5, "{outcome:?} {trials}");
+}
+
 #[test]
 fn numbers_that_are_none_move_nothing() {
     for bad in [f64::NAN, f64::INFINITY] {

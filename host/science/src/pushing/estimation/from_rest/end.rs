@@ -12,7 +12,7 @@ use nalgebra::{
     DMatrix, DVector, Isometry2, Matrix2, Matrix3, Matrix4, Matrix6, SMatrix, SVector, Vector2, Vector3, Vector4,
 };
 
-use super::fit::{COLUMNS, DELAY, MU_C, MU_G, PARAMETERS, Problem, SHARE_OF_SD, Tried, beside, spread};
+use super::fit::{Around, COLUMNS, DELAY, MU_C, MU_G, PARAMETERS, Problem, SHARE_OF_SD, Tried, spread};
 use super::numbers::NumberedMinimum;
 use super::path::{Course, Guess, Path};
 use super::valley::{Valley, change};
@@ -108,12 +108,12 @@ fn sampled<const N: usize>(
 impl<'p> Problem<'_, 'p> {
     /// What is uncertain at the end, everything that is not known included: parameters, part, motion, and what adds to the
     /// force; how far the minimum reaches being seen as `reach` says.
-    pub(super) fn end_covariance(&self, at: &Tried, reach: Reach<'_>) -> Option<EndCovariance> {
-        let course = self.course.sure();
+    pub(super) fn end_covariance(&self, around: &Around, reach: Reach<'_>) -> Option<EndCovariance> {
+        let (at, course) = (around.at, self.course.sure());
         let end = End::of(&course, &at.guess, &at.path)?;
         let to = |course: &Course<'p>, guess: &Guess, path: &Path| Some(end.to(&End::of(course, guess, path)?));
-        let parameters = self.covariance(at)?;
-        let of_end = self.of_end(at, to, &SMatrix::zeros(), None, &parameters)?;
+        let parameters = self.covariance(around)?;
+        let of_end = self.of_end(around, to, &SMatrix::zeros(), None, &parameters)?;
         let needed_sd = of_end.covariance[(NEEDED, NEEDED)].max(0.0).sqrt();
         let mut all = parameters.fixed_view::<COLUMNS, COLUMNS>(0, 0).into_owned();
         let mut said = of_end.covariance;
@@ -170,8 +170,9 @@ impl<'p> Problem<'_, 'p> {
         let course = self.course.sure();
         let end = End::of(&course, &at.guess, &at.path)?;
         let to = |course: &Course<'p>, guess: &Guess, path: &Path| Some(end.to(&End::of(course, guess, path)?));
-        let parameters = self.covariance(at)?;
-        let of_end = self.of_end(at, to, &SMatrix::zeros(), None, &parameters)?;
+        let around = self.around(at);
+        let parameters = self.covariance(&around)?;
+        let of_end = self.of_end(&around, to, &SMatrix::zeros(), None, &parameters)?;
         Valley::through(self, at, &parameters, &of_end.of_state(), &Halt::new(&never))
     }
 
@@ -205,8 +206,8 @@ impl<'p> Problem<'_, 'p> {
 
     /// State and unknown numbers at the end, as one who follows the push goes on from them.
     /// For the contact angle at the start within so much of what it is there, rad.
-    pub(super) fn belief_at_end(&self, at: &Tried, effective_mass_sd: f64, u_sd: f64) -> Option<Gaussian<BELIEF>> {
-        let course = self.course.sure();
+    pub(super) fn belief_at_end(&self, around: &Around, effective_mass_sd: f64, u_sd: f64) -> Option<Gaussian<BELIEF>> {
+        let (at, course) = (around.at, self.course.sure());
         let end = Self::followed_of(&course, &at.guess, &at.path)?;
         let to = |course: &Course<'p>, guess: &Guess, path: &Path| {
             let after = Self::followed_of(course, guess, path)? - end;
@@ -223,8 +224,8 @@ impl<'p> Problem<'_, 'p> {
         mean[BELIEF_MASS] = at.mass.ln();
         mean[BELIEF_FINGER] = effective_mass_sd * self.taken_beside(at);
         let of_beside = SVector::from_fn(|row, _| if row == BELIEF_FINGER { effective_mass_sd } else { 0.0 });
-        let parameters = self.covariance_near(at, u_sd)?;
-        let covariance = self.of_end(at, to, &own, Some(of_beside), &parameters)?.covariance;
+        let parameters = self.covariance_near(around, u_sd)?;
+        let covariance = self.of_end(around, to, &own, Some(of_beside), &parameters)?.covariance;
         Some(Gaussian { mean, covariance })
     }
 
@@ -238,22 +239,18 @@ impl<'p> Problem<'_, 'p> {
     /// a standard deviation of what adds to the force.
     fn of_end<const N: usize>(
         &self,
-        at: &Tried,
+        around: &Around,
         to: impl Fn(&Course<'p>, &Guess, &Path) -> Option<SVector<f64, N>>,
         own: &SMatrix<f64, N, COLUMNS>,
         of_beside: Option<SVector<f64, N>>,
         parameters: &DMatrix<f64>,
     ) -> Option<OfEnd<N>> {
-        let course = self.course.sure();
+        let (at, course) = (around.at, self.course.sure());
         let nuisances: Vec<_> = at.predicted.nuisances(at.mass).collect();
         let mut of_end = *own;
-        for (column, step) in self.differences().into_iter().enumerate() {
-            if column == DELAY || !self.is_free(at, column) {
-                continue;
-            }
-            let played = |(step, guess)| Some((step, to(&course, &guess, &course.play(&guess).ok()?)?));
-            let (step, there) = beside(&at.guess, column, step).find_map(played)?;
-            of_end.column_mut(column).add_assign(&(there / step));
+        for column in (0..PARAMETERS).filter(|&column| column != DELAY && self.is_free(at, column)) {
+            let (step, there) = around.neighbours[column].as_ref()?;
+            of_end.column_mut(column).add_assign(&(to(&course, &there.guess, &there.path)? / *step));
         }
         let parameters = parameters.fixed_view::<COLUMNS, COLUMNS>(0, 0).into_owned();
         if nuisances.is_empty() {
@@ -269,13 +266,12 @@ impl<'p> Problem<'_, 'p> {
         let beside = of_nuisances.iter_mut().skip(self.course.changed.len()).zip(of_beside);
         beside.for_each(|(of_nuisance, of_beside)| *of_nuisance = of_beside);
         // J C Jᵀ, nuisances eliminated: what they are for given parameters, and what that leaves open.
-        let by_parameters = self.slopes(at);
         let columns = DMatrix::from_columns(&nuisances);
         let curvature = columns.tr_mul(&columns) + DMatrix::identity(columns.ncols(), columns.ncols());
         let curvature = curvature.cholesky()?;
         let of_nuisances = DMatrix::from_fn(N, of_nuisances.len(), |row, column| of_nuisances[column][row]);
         // Residuals are data less prediction: the nuisances' slopes have the other sign.
-        let across = columns.tr_mul(&by_parameters.rows(0, columns.nrows()));
+        let across = columns.tr_mul(&around.slopes.rows(0, columns.nrows()));
         let slopes = of_end + (&of_nuisances * curvature.solve(&across)).fixed_view::<N, COLUMNS>(0, 0);
         let open = &of_nuisances * curvature.solve(&of_nuisances.transpose());
         let covariance = slopes * parameters * slopes.transpose() + open.fixed_view::<N, N>(0, 0);

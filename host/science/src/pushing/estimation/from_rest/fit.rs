@@ -148,6 +148,15 @@ impl Tried {
     }
 }
 
+/// A guess and what is beside it: all that is said of how certain it is rests on these.
+pub(super) struct Around<'t> {
+    pub(super) at: &'t Tried,
+    /// Derivatives of the whitened residuals, penalties included, by the parameters and the mass's logarithm.
+    pub(super) slopes: DMatrix<f64>,
+    /// With each parameter a little more, by how much; none where it is not to be found, is the onset, or cannot be played.
+    pub(super) neighbours: [Option<(f64, Tried)>; PARAMETERS],
+}
+
 impl<'p> Problem<'_, 'p> {
     /// Plays a guess through.
     pub(super) fn try_guess(&self, guess: Guess) -> Option<Tried> {
@@ -282,13 +291,16 @@ impl<'p> Problem<'_, 'p> {
         }
     }
 
-    /// Derivatives of the whitened residuals, penalties included, by the parameters and the mass's logarithm.
-    pub(super) fn slopes(&self, at: &Tried) -> DMatrix<f64> {
+    /// A guess with what is beside it.
+    pub(super) fn around<'t>(&self, at: &'t Tried) -> Around<'t> {
         let size = at.predicted.shape.len();
         let mut slopes = DMatrix::zeros(size + PENALTIES, COLUMNS);
         if self.mass.is_none() {
             slopes.view_mut((0, PARAMETERS), (size, 1)).copy_from(&(&at.predicted.shape * -at.mass));
         }
+        let course = self.course.sure();
+        let sure = Problem { course: &course, measured: self.measured, mass: self.mass };
+        let mut neighbours = [const { None }; PARAMETERS];
         for (column, difference) in self.differences().into_iter().enumerate() {
             if !self.is_free(at, column) {
                 continue;
@@ -302,8 +314,6 @@ impl<'p> Problem<'_, 'p> {
                 slopes[(size + DELAY_PENALTY, DELAY)] = self.unlikely_delay(1.0);
                 continue;
             }
-            let course = self.course.sure();
-            let sure = Problem { course: &course, measured: self.measured, mass: self.mass };
             let aside =
                 beside(&at.guess, column, difference).find_map(|(step, guess)| Some((step, sure.try_guess(guess)?)));
             let Some((step, moved)) = aside else { continue };
@@ -312,22 +322,9 @@ impl<'p> Problem<'_, 'p> {
             for (row, (after, before)) in moved.penalties.iter().zip(at.penalties).enumerate() {
                 slopes[(size + row, column)] = (after - before) / step;
             }
+            neighbours[column] = Some((step, moved));
         }
-        slopes
-    }
-
-    /// Of slopes, that of the cost, all nuisances being found for every guess.
-    fn curvature(&self, at: &Tried, slopes: &DMatrix<f64>) -> DMatrix<f64> {
-        let all = slopes.tr_mul(slopes);
-        let nuisances: Vec<_> = at.predicted.nuisances(at.mass).collect();
-        if nuisances.is_empty() {
-            return all;
-        }
-        let nuisances = DMatrix::from_columns(&nuisances);
-        let across = nuisances.tr_mul(&slopes.rows(0, nuisances.nrows()));
-        let own = nuisances.tr_mul(&nuisances) + DMatrix::identity(nuisances.ncols(), nuisances.ncols());
-        // Positive definite, being a square and one.
-        own.cholesky().map_or_else(|| all.clone(), |own| &all - across.tr_mul(&own.solve(&across)))
+        Around { at, slopes, neighbours }
     }
 
     /// Standard deviations of the parameters before anything is felt, each being anywhere in its range.
@@ -344,14 +341,14 @@ impl<'p> Problem<'_, 'p> {
 
     /// Covariance of the guess's parameters. Those that no slope tells of, since they make no difference or are held,
     /// count as known.
-    pub(super) fn covariance(&self, at: &Tried) -> Option<DMatrix<f64>> {
-        self.covariance_near(at, f64::INFINITY)
+    pub(super) fn covariance(&self, around: &Around) -> Option<DMatrix<f64>> {
+        self.covariance_near(around, f64::INFINITY)
     }
 
     /// The same where the contact angle at the start is known so well beside, rad.
-    pub(super) fn covariance_near(&self, at: &Tried, u_sd: f64) -> Option<DMatrix<f64>> {
-        let slopes = self.slopes(at);
-        let mut normal = self.curvature(at, &slopes);
+    pub(super) fn covariance_near(&self, around: &Around, u_sd: f64) -> Option<DMatrix<f64>> {
+        let at = around.at;
+        let mut normal = curvature(around);
         // What slopes say nothing about is still within its range: a contact that slips for a moment tells little of
         // its friction.
         for (i, deviation) in self.ranges(at).into_iter().enumerate() {
@@ -367,7 +364,7 @@ impl<'p> Problem<'_, 'p> {
 
     /// Contact angles and places so many standard deviations from a minimum, all round it.
     pub(super) fn border(&self, at: &Tried, sds: f64) -> Option<[[f64; 2]; BORDER_PLACES]> {
-        let covariance = self.covariance(at)?.fixed_view::<2, 2>(0, 0).into_owned();
+        let covariance = self.covariance(&self.around(at))?.fixed_view::<2, 2>(0, 0).into_owned();
         let lower = covariance.cholesky()?.unpack();
         let place = |index: usize| {
             let (sin, cos) = (TAU * index as f64 / BORDER_PLACES as f64).sin_cos();
@@ -400,8 +397,8 @@ impl Problem<'_, '_> {
     /// By how much the volume of what is likely about a minimum makes it likelier, up to what all minima share (Laplace's
     /// approximation): of all that is found, with the share of µ_c's range where the contact rolls, and of what is not known of part
     /// and motion.
-    pub(super) fn evidence(&self, at: &Tried) -> Option<f64> {
-        let covariance = self.covariance(at)?;
+    pub(super) fn evidence(&self, around: &Around) -> Option<f64> {
+        let (at, covariance) = (around.at, self.covariance(around)?);
         let free: Vec<_> = (0..COLUMNS).filter(|&i| covariance[(i, i)] > 0.0).collect();
         let of_found = DMatrix::from_fn(free.len(), free.len(), |row, column| covariance[(free[row], free[column])]);
         let nuisances: Vec<_> = at.predicted.nuisances(at.mass).collect();
@@ -422,13 +419,13 @@ impl Problem<'_, '_> {
     }
 
     /// Square root of the determinant of the covariance of contact angle and place at the start.
-    pub(super) fn spread(&self, at: &Tried) -> Option<f64> {
-        self.spread_near(at, f64::INFINITY)
+    pub(super) fn spread(&self, around: &Around) -> Option<f64> {
+        self.spread_near(around, f64::INFINITY)
     }
 
     /// The same where the contact angle is known so well beside, rad.
-    pub(super) fn spread_near(&self, at: &Tried, u_sd: f64) -> Option<f64> {
-        Some(spread(&self.covariance_near(at, u_sd)?.fixed_view::<2, 2>(0, 0).into_owned()))
+    pub(super) fn spread_near(&self, around: &Around, u_sd: f64) -> Option<f64> {
+        Some(spread(&self.covariance_near(around, u_sd)?.fixed_view::<2, 2>(0, 0).into_owned()))
     }
 }
 
@@ -440,14 +437,14 @@ impl least_squares::LeastSquaresProblem<COLUMNS> for Problem<'_, '_> {
     }
 
     fn normal_equations(&self, tried: &Tried) -> NormalEquations<COLUMNS> {
-        let (size, slopes) = (tried.predicted.shape.len(), self.slopes(tried));
+        let (size, around) = (tried.predicted.shape.len(), self.around(tried));
         let mut residuals = DVector::zeros(size + PENALTIES);
         residuals.rows_mut(0, size).copy_from(&tried.rest);
         residuals.rows_mut(size, PENALTIES).copy_from_slice(&tried.penalties);
         NormalEquations {
             cost: tried.cost,
-            gradient: slopes.tr_mul(&residuals).fixed_rows::<COLUMNS>(0).into_owned(),
-            curvature: self.curvature(tried, &slopes).fixed_view::<COLUMNS, COLUMNS>(0, 0).into_owned(),
+            gradient: around.slopes.tr_mul(&residuals).fixed_rows::<COLUMNS>(0).into_owned(),
+            curvature: curvature(&around).fixed_view::<COLUMNS, COLUMNS>(0, 0).into_owned(),
         }
     }
 
@@ -458,6 +455,21 @@ impl least_squares::LeastSquaresProblem<COLUMNS> for Problem<'_, '_> {
         guess.delay = guess.delay.clamp(-latest, latest);
         self.try_guess(guess)
     }
+}
+
+/// Of the cost, all nuisances being found for every guess.
+fn curvature(around: &Around) -> DMatrix<f64> {
+    let Around { at, slopes, .. } = around;
+    let all = slopes.tr_mul(slopes);
+    let nuisances: Vec<_> = at.predicted.nuisances(at.mass).collect();
+    if nuisances.is_empty() {
+        return all;
+    }
+    let nuisances = DMatrix::from_columns(&nuisances);
+    let across = nuisances.tr_mul(&slopes.rows(0, nuisances.nrows()));
+    let own = nuisances.tr_mul(&nuisances) + DMatrix::identity(nuisances.ncols(), nuisances.ncols());
+    // Positive definite, being a square and one.
+    own.cholesky().map_or_else(|| all.clone(), |own| &all - across.tr_mul(&own.solve(&across)))
 }
 
 /// Of a positive definite matrix, from its factor: the determinant itself may be too small for a number.

@@ -692,7 +692,7 @@ fn guess(hypothesis: &Hypothesis, course: &Course) -> Guess {
 }
 
 fn hypothesis(problem: &Problem, tried: &Tried, best: f64, excess: f64, reach: Reach<'_>) -> Option<Hypothesis> {
-    let at_end = problem.end_covariance(tried, reach)?;
+    let at_end = problem.end_covariance(&problem.around(tried), reach)?;
     let EndCovariance { pose: covariance, state: state_covariance, spread, .. } = at_end;
     let Tried { guess, path, mass, cost, .. } = tried;
     let mu_c = path.slipped.then_some(guess.mu_c);

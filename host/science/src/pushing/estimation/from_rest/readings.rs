@@ -34,7 +34,7 @@ pub use tracker::{ForceTracker, Found, SearchTask, TrackedHypothesis, TrackerSta
 use read_force::{Doubts, ReadForce};
 
 use super::end::{BELIEF, Reach};
-use super::fit::{Problem, Tried};
+use super::fit::{Around, Problem, Tried};
 use super::friction_along::FrictionAlong;
 use super::numbers::{MotionNumbers, NUMBERED_LEADS, NumberedMinimum, Unknown, redrawn_of};
 use super::part_errors::PartErrors;
@@ -363,13 +363,14 @@ impl<'a, 'p> FeltPush<'a, 'p> {
             Fitted::Plain(_) if looked.is_walked => Reach::Valley(halt),
             Fitted::Plain(_) => Reach::Slopes,
         };
+        let around = problem.around(tried);
         Some(Concluded {
             cost: tried.cost,
             cost_max: *cost_max,
             guess: tried.guess,
             end: tried.path.end,
-            found: hypothesis(&problem, tried, self.known, &self.felt, reach)?,
-            at_end: AtEnd::of(&problem, tried, self.known, f64::INFINITY)?,
+            found: hypothesis(&problem, &around, self.known, &self.felt, reach)?,
+            at_end: AtEnd::of(&problem, &around, self.known, f64::INFINITY)?,
         })
     }
 
@@ -429,10 +430,11 @@ impl FeltPush<'_, '_> {
         let middle = problem.try_guess(of.guess)?;
         let apart = PIECES_APART * u_sd;
         // What as many pieces of a straight valley add up to is the minimum's own weight.
-        let unit = apart / (u_sd * TAU.sqrt() * problem.spread(&middle)?);
+        let unit = apart / (u_sd * TAU.sqrt() * problem.spread(&problem.around(&middle))?);
         let piece = |tried: &Tried| {
-            let weight = unit * problem.spread_near(tried, u_sd)? * (0.5 * (middle.cost - tried.cost)).exp();
-            Some((weight, AtEnd::of(&problem, tried, self.known, u_sd)?))
+            let around = problem.around(tried);
+            let weight = unit * problem.spread_near(&around, u_sd)? * (0.5 * (middle.cost - tried.cost)).exp();
+            Some((weight, AtEnd::of(&problem, &around, self.known, u_sd)?))
         };
         let mut pieces = vec![piece(&middle)?];
         for way in [apart, -apart] {
@@ -554,9 +556,10 @@ struct AtEnd {
 
 impl AtEnd {
     /// For the contact angle at the start within so much of what it is there, rad.
-    fn of(problem: &Problem, tried: &Tried, known: &KnownOfFinger, u_sd: f64) -> Option<Self> {
+    fn of(problem: &Problem, around: &Around, known: &KnownOfFinger, u_sd: f64) -> Option<Self> {
+        let tried = around.at;
         Some(Self {
-            belief: problem.belief_at_end(tried, known.effective_mass_sd, u_sd)?,
+            belief: problem.belief_at_end(around, known.effective_mass_sd, u_sd)?,
             contact: tried.path.contact,
             slipped: tried.path.slipped,
             friction_needed: tried.path.friction_needed,
@@ -659,11 +662,12 @@ fn degrees_of_freedom(problem: &Problem, tried: &Tried, known: &KnownOfFinger, f
 
 fn hypothesis(
     problem: &Problem,
-    tried: &Tried,
+    around: &Around,
     known: &KnownOfFinger,
     felt: &ReadForce,
     reach: Reach<'_>,
 ) -> Option<ForceHypothesis> {
+    let tried = around.at;
     let Tried { guess, path, mass, cost, .. } = tried;
     let slipped = path.slipped.then_some(guess.mu_c);
     // The disk is where the finger's bending takes it.
@@ -671,7 +675,7 @@ fn hypothesis(
         let force = path.forces_in_finger_time(felt.period()).at(time) * *mass;
         (Translation2::from(force * known.compliance) * pose).into()
     };
-    let mut covariance = problem.end_covariance(tried, reach)?.motion;
+    let mut covariance = problem.end_covariance(around, reach)?.motion;
     let last = path.forces_in_finger_time(felt.period()).at(problem.course.duration) * *mass;
     covariance.fixed_view_mut::<2, 2>(0, 0).add_assign(&known.place_covariance(last));
     Some(ForceHypothesis {
@@ -689,7 +693,7 @@ fn hypothesis(
         effective_mass: known.effective_mass + known.effective_mass_sd * problem.taken_beside(tried),
         cost: cost + felt.before().0,
         degrees_of_freedom: degrees_of_freedom(problem, tried, known, felt),
-        probability: problem.evidence(tried)?,
+        probability: problem.evidence(around)?,
     })
 }
 

@@ -552,7 +552,7 @@ fn what_is_stated_reaches_along_a_valley_that_bends() {
         let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c, ..Guess::AT_REST };
         let found = problem.descend(problem.try_guess(guess).unwrap(), usize::MAX);
         let stated = problem
-            .end_covariance(&found, super::end::Reach::Valley(&Halt::new(&never)))
+            .end_covariance(&problem.around(&found), super::end::Reach::Valley(&Halt::new(&never)))
             .unwrap()
             .state
             .fixed_view::<2, 2>(0, 0)

@@ -280,7 +280,7 @@ fn samples_of_a_minimum_spread_as_its_slopes_say() {
             continue;
         }
         let [slopes, sampled] = [Reach::Slopes, Reach::Redrawn(&samples)]
-            .map(|reach| problem.end_covariance(&found.tried, reach).unwrap().pose.diagonal());
+            .map(|reach| problem.end_covariance(&problem.around(&found.tried), reach).unwrap().pose.diagonal());
         for (slopes, sampled) in slopes.iter().zip(sampled.iter()) {
             let ratio = sampled / slopes;
             assert!((1.0 / WITHIN..WITHIN).contains(&ratio), "case {case}: {slopes:e} {sampled:e}");
