@@ -15,12 +15,11 @@ use nalgebra::{
 use super::fit::{Around, COLUMNS, DELAY, MU_C, MU_G, PARAMETERS, Problem, SHARE_OF_SD, Tried, spread};
 use super::numbers::NumberedMinimum;
 use super::path::{Course, Guess, Path};
+use super::samples::Sampled;
 use super::valley::{Valley, change};
 use crate::math::unscented::Gaussian;
 use crate::pushing::dynamics::State;
 use crate::search::Halt;
-#[cfg(test)]
-use crate::search::never;
 
 /// Numbers of a push under way: u, s, ω, how it slides, µ_c, ln of µ g over what it is taken for, ln of the mass, and by how
 /// much the finger's effective mass is off what it is taken for.
@@ -87,12 +86,15 @@ pub(super) enum Reach<'a> {
     Slopes,
     /// By them, and along a valley that bends, which takes as long as the fit.
     Valley(&'a Halt<'a>),
-    /// By minima of what might have been felt instead.
-    Redrawn(&'a [NumberedMinimum]),
+    /// By minima of what might have been felt instead, and along a valley that bends.
+    Sampled(&'a Sampled),
 }
 
 /// What slopes say counts as so many samples.
 const SLOPES_COUNT: f64 = 4.0;
+
+/// What a walk along a valley that bends counts beside samples.
+const WALKED: f64 = 0.5;
 
 /// Second moments about a minimum, of samples and of what slopes say. Few samples tell a covariance in which a truth is further
 /// off than on average (Wishart): the slopes' share is added to theirs for that.
@@ -119,10 +121,15 @@ impl<'p> Problem<'_, 'p> {
         let mut said = of_end.covariance;
         // What the surface of poses bends by along all directions but the valley's, which is followed there.
         let mut straight = said;
-        let valley = match reach {
+        let walked = match reach {
             Reach::Valley(halt) => Valley::through(self, at, &parameters, &of_end.of_state(), halt),
-            Reach::Slopes | Reach::Redrawn(_) => None,
+            Reach::Slopes | Reach::Sampled(_) => None,
         };
+        let valley = match reach {
+            Reach::Sampled(sampled) => sampled.valley.as_ref(),
+            Reach::Slopes | Reach::Valley(_) => walked.as_ref(),
+        };
+        let mut by_slopes = (all, said);
         if let Some(valley) = valley {
             all = valley.covered(all, valley.straight, |place| Some(place.parameters));
             let taken = self.taken_of_nuisances(at);
@@ -138,14 +145,21 @@ impl<'p> Problem<'_, 'p> {
         }
         let [u, s, ..] = STATE;
         let contact = Matrix2::new(straight[(u, u)], straight[(u, s)], straight[(s, u)], straight[(s, s)]);
-        said.fixed_view_mut::<3, 3>(0, 0).add_assign(&self.bent_away(at, &contact)?);
-        if let Reach::Redrawn(samples) = reach {
+        let bent = self.bent_away(at, &contact)?;
+        for said in [&mut said, &mut by_slopes.1] {
+            said.fixed_view_mut::<3, 3>(0, 0).add_assign(&bent);
+        }
+        if let Reach::Sampled(Sampled { samples, valley, .. }) = reach {
             let told = |sample: &NumberedMinimum| {
                 let course = sample.numbered.course(self.course);
                 Some(end.to(&End::of(&course, &sample.tried.guess, &sample.tried.path)?))
             };
-            all = sampled(all, samples.iter().map(|sample| change(at, &sample.tried)));
-            said = sampled(said, samples.iter().filter_map(told));
+            let of_parameters = sampled(by_slopes.0, samples.iter().map(|sample| change(at, &sample.tried)));
+            let of_end = sampled(by_slopes.1, samples.iter().filter_map(told));
+            // Few samples come far along a valley that bends, and what a walk holds may bend, too: half what each says.
+            let walked = if valley.is_some() { WALKED } else { 0.0 };
+            all = all * walked + of_parameters * (1.0 - walked);
+            said = said * walked + of_end * (1.0 - walked);
         }
         let deviation = |parameter: usize| all[(parameter, parameter)].max(0.0).sqrt();
         let (mu_g_log_sd, mass_log_sd) = (deviation(MU_G), deviation(PARAMETERS));
@@ -165,15 +179,14 @@ impl<'p> Problem<'_, 'p> {
     }
 
     /// The valley of a minimum, where it bends.
-    #[cfg(test)]
-    pub(super) fn valley(&self, at: &Tried) -> Option<Valley> {
+    pub(super) fn valley(&self, at: &Tried, halt: &Halt<'_>) -> Option<Valley> {
         let course = self.course.sure();
         let end = End::of(&course, &at.guess, &at.path)?;
         let to = |course: &Course<'p>, guess: &Guess, path: &Path| Some(end.to(&End::of(course, guess, path)?));
         let around = self.around(at);
         let parameters = self.covariance(&around)?;
         let of_end = self.of_end(&around, to, &SMatrix::zeros(), None, &parameters)?;
-        Valley::through(self, at, &parameters, &of_end.of_state(), &Halt::new(&never))
+        Valley::through(self, at, &parameters, &of_end.of_state(), halt)
     }
 
     /// Second moments of what slopes leave out of the pose at the end (x, y, θ), for a covariance of contact angle and

@@ -12,7 +12,8 @@
 //!   from readings to that, once the push is felt to begin;
 //! - `path`: what a guess would feel; `seeds`: guesses to begin with, and `between`, what lies between them; `fit`: going down from
 //!   each to a minimum;
-//! - `valley`: how far a minimum reaches where its valley bends;
+//! - `valley`: how far a minimum reaches where its valley bends; `numbers`, `samples`: fits that find what is not known of part and
+//!   motion too, and how far these reach;
 //! - `symmetry`: turns of the part that nobody can tell apart;
 //! - `explained`: what an answer leaves of what was felt;
 //! - [`misfit`]: what may have been told wrong where no pose fits;
@@ -44,6 +45,7 @@ pub mod onset;
 mod part_errors;
 mod path;
 pub mod readings;
+mod samples;
 mod seeds;
 pub mod symmetry;
 pub mod trial;
@@ -63,9 +65,10 @@ pub use first_look::first_look;
 use fit::{MU_C_MAX, MU_C_MIN, Problem, Tried};
 use friction_along::FrictionAlong;
 use model::range;
-use numbers::{NUMBERED_LEADS, NumberedMinimum, Unknown, redrawn_of};
+use numbers::{NUMBERED_LEADS, NumberedMinimum, Unknown};
 pub use part_errors::PartErrors;
 use path::{Course, CourseStart, Guess, Resolution};
+use samples::samples_of;
 use seeds::Cover;
 pub use windowed_force::{CalibrationUncertainty, CarriedFinger, Uncertainty, WindowedForce};
 
@@ -209,23 +212,20 @@ impl PartUnknown<'_, '_> {
         let found =
             halt.each(starts.clone(), |guess| unknown.found(guess, measured, self.roughly, explains, false, halt));
         let mut found: Vec<_> = found.into_iter().flatten().collect();
-        let with_problem = |found: &NumberedMinimum, of: &mut dyn FnMut(&Problem)| {
+        let is_possible = |found: &NumberedMinimum| {
             let course = found.numbered.course(self.course);
-            of(&Problem { course: &course, measured, mass: None });
+            is_possible(&Problem { course: &course, measured, mass: None }, &found.tried)
         };
-        found.retain(|found| {
-            let mut is = false;
-            with_problem(found, &mut |problem| is = is_possible(problem, &found.tried));
-            is
-        });
+        found.retain(is_possible);
         let edges: Vec<_> = found.iter().map(|found| found.tried.guess.edge).collect();
         let of_edge = |edge: usize| edges.iter().filter(|of| **of == edge).count();
         let said = |found: &NumberedMinimum, best: f64, excess: f64, _| {
-            let redrawn = unknown.redrawn(found, measured, &starts, redrawn_of(of_edge(found.tried.guess.edge)), halt);
-            let reach = Reach::Redrawn(&redrawn);
-            let mut said = None;
-            with_problem(found, &mut |problem| said = hypothesis(problem, &found.tried, best, excess, reach));
-            said
+            let count = samples_of(of_edge(found.tried.guess.edge));
+            let sampled = unknown.sampled(found, measured, &starts, count, is_possible, halt);
+            let found = sampled.lower.as_ref().unwrap_or(found);
+            let course = found.numbered.course(self.course);
+            let problem = Problem { course: &course, measured, mass: None };
+            hypothesis(&problem, &found.tried, best, excess, Reach::Sampled(&sampled))
         };
         let problem = Problem { course: self.course, measured, mass: None };
         conclude_of(&problem, found, |found| &found.tried, said, symmetry, halt)

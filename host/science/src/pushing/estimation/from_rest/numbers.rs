@@ -4,16 +4,12 @@
 //! it is taken to be: so each fit begins where the one before came to, until nothing changes (Gauss and Newton; damped where that
 //! leads to what costs more: Levenberg and Marquardt).
 //!
-//! What all that is not known leaves open is sampled: the same fits of what might have been felt instead, each number with its
-//! prior drawn too, begun at the minimum and all along its edge. Where a valley bends, slopes at its lowest point say too little.
-//!
 //! Units: SI. Errors: none; an outline whose edges cross has no fit.
 
 use std::borrow::Cow;
 
 use nalgebra::{DVector, SVector, Vector2};
 
-use super::GATE;
 use super::felt::{Felt, NumberOff, OfNumber, Predicted, undamped};
 use super::fit::{COLUMNS, PARAMETERS, Problem, SHARE_OF_SD, Tried, moved};
 use super::friction_along::FrictionAlong;
@@ -21,14 +17,13 @@ use super::model::sought;
 use super::part_errors::PartErrors;
 use super::path::{Changed, Course, Guess, Path};
 use super::valley::change;
-use crate::math::random::Draw;
 use crate::pushing::dynamics::Part;
 use crate::pushing::finger_motion::Leg;
 use crate::search::Halt;
 
 /// How long a minimum is sought.
 #[derive(Clone, Copy)]
-struct Effort {
+pub(super) struct Effort {
     /// Fits in which numbers are found.
     fits: usize,
     /// Of those that led to what costs more.
@@ -38,13 +33,13 @@ struct Effort {
 }
 
 /// Of what is listed.
-const EFFORT: Effort = Effort { fits: 16, damped: 8, steps: usize::MAX };
+pub(super) const EFFORT: Effort = Effort { fits: 16, damped: 8, steps: usize::MAX };
 
 /// Of that where nothing else explains what was felt.
 const THOROUGH: Effort = Effort { fits: 48, damped: 24, ..EFFORT };
 
 /// Of one of many samples, which may stop within a fraction of a deviation of its minimum.
-const REDRAWN_EFFORT: Effort = Effort { fits: 4, damped: 4, steps: 8 };
+pub(super) const OF_SAMPLE: Effort = Effort { fits: 4, damped: 4, steps: 8 };
 
 /// Of what only leads there, at the most.
 const FITS_BEFORE: usize = 3;
@@ -61,7 +56,7 @@ const DAMPING_UP: f64 = 6.0;
 const FURTHER_MAX: usize = 6;
 
 /// A fit that lowers the cost by less is the last.
-const COST_STEP: f64 = 0.01;
+pub(super) const COST_STEP: f64 = 0.01;
 
 /// Minima of a search that are followed with numbers found too.
 pub(super) const NUMBERED_LEADS: usize = 32;
@@ -129,7 +124,7 @@ impl Numbered {
 }
 
 /// Where a fit begins that finds numbers too, all of them in standard deviations.
-struct NumberedGuess {
+pub(super) struct NumberedGuess {
     guess: Guess,
     /// How far each number is off what is told.
     off: Vec<f64>,
@@ -139,21 +134,21 @@ struct NumberedGuess {
     prior: Vec<f64>,
 }
 
-/// Minima of what might have been felt instead, of those that are listed of an edge.
-const REDRAWN: usize = 24;
+impl NumberedGuess {
+    /// The same with the numbers off by so much.
+    pub(super) fn off(self, off: &[f64]) -> Self {
+        Self { off: off.to_vec(), ..self }
+    }
 
-/// Of each of them at the least.
-const REDRAWN_MIN: usize = 8;
-
-/// How many of each, where so many of an edge are listed: these are samples of it themselves.
-pub(super) const fn redrawn_of(listed_of_edge: usize) -> usize {
-    let each = if listed_of_edge > 1 { REDRAWN / listed_of_edge } else { REDRAWN };
-    if each > REDRAWN_MIN { each } else { REDRAWN_MIN }
+    /// The same with each number's prior elsewhere.
+    pub(super) fn with_priors(self, prior: Vec<f64>) -> Self {
+        Self { prior, ..self }
+    }
 }
 
 /// Something to fit instead of what was felt.
 #[derive(Debug)]
-struct Instead<'a> {
+pub(super) struct Instead<'a> {
     felt: &'a dyn Felt,
     data: Cow<'a, DVector<f64>>,
     /// By how much noise is larger, as a factor; none where it is the same.
@@ -164,7 +159,7 @@ struct Instead<'a> {
 
 impl<'a> Instead<'a> {
     /// Other data.
-    fn redrawn(felt: &'a dyn Felt, data: DVector<f64>) -> Self {
+    pub(super) fn redrawn(felt: &'a dyn Felt, data: DVector<f64>) -> Self {
         Self { felt, data: Cow::Owned(data), noise: None, numbers: Vec::new() }
     }
 
@@ -174,7 +169,7 @@ impl<'a> Instead<'a> {
     }
 
     /// The same with what numbers change held.
-    fn held(felt: &'a dyn Felt, numbers: Vec<OfNumber>) -> Self {
+    pub(super) fn held(felt: &'a dyn Felt, numbers: Vec<OfNumber>) -> Self {
         Self { felt, data: Cow::Borrowed(felt.data()), noise: None, numbers }
     }
 }
@@ -214,9 +209,6 @@ impl Felt for Instead<'_> {
     }
 }
 
-/// What might have been felt is drawn with this: the same for every push, so that an answer can be had again.
-const REDRAWN_SEED: u64 = 0x7265_6472_6177_6e00;
-
 /// A minimum with its numbers.
 pub(super) struct NumberedMinimum {
     pub(super) tried: Tried,
@@ -252,53 +244,22 @@ impl Unknown<'_, '_> {
     }
 
     /// A guess with every number as it is told.
-    fn begun(&self, guess: Guess) -> Option<NumberedGuess> {
+    pub(super) fn begun(&self, guess: Guess) -> Option<NumberedGuess> {
         let mut off = vec![0.0; self.of_part()];
         off.extend(self.motion.iter().flat_map(|motion| motion.taken_for()));
         off.extend(std::iter::repeat_n(0.0, self.friction_along(guess)?.count()));
         Some(NumberedGuess { guess, prior: vec![0.0; off.len()], felt_off: off.clone(), off })
     }
 
-    /// Minima of what might have been felt instead, each with its priors, of a push that is as this minimum says: samples of
-    /// what is likely, all along a valley that bends (randomised maximum likelihood; Oliver, He and Reynolds 1996). Fits begin
-    /// at the minimum and, in turn with it, at each of `starts` on its edge; kept is what explains what was felt nearly as well.
-    pub(super) fn redrawn(
-        &self,
-        minimum: &NumberedMinimum,
-        felt: &dyn Felt,
-        starts: &[Guess],
-        count: usize,
-        halt: &Halt<'_>,
-    ) -> Vec<NumberedMinimum> {
-        let tried = &minimum.tried;
-        let starts: Vec<_> = starts.iter().filter(|start| start.edge == tried.guess.edge).collect();
-        let again = |number: usize| {
-            let mut draw = Draw::case(REDRAWN_SEED, number);
-            let data = felt.data() + tried.predicted.redrawn(tried.mass, felt.data().len(), &mut draw);
-            let prior: Vec<_> = minimum.taken.iter().map(|_| draw.normal()).collect();
-            let mu_g_log = self.course.mu_g_log_sd.map_or(0.0, |sd| sd * draw.normal());
-            let course = Course { mu_g: self.course.mu_g * mu_g_log.exp(), ..self.course.clone() };
-            let start = starts.get(number / 2 % starts.len().max(1)).filter(|_| number % 2 == 1);
-            let guess = start.map_or(tried.guess, |start| **start);
-            let begun = self.begun(Guess { mu_g_log: guess.mu_g_log - mu_g_log, ..guess })?;
-            let begun = NumberedGuess { off: minimum.taken.clone(), prior, ..begun };
-            let unknown = Unknown { course: &course, ..*self };
-            let mut found = unknown.fitted(&begun, &[&Instead::redrawn(felt, data)], REDRAWN_EFFORT, halt)?;
-            found.tried.guess.mu_g_log += mu_g_log;
-            (self.cost(&found, felt)? <= tried.cost + GATE).then_some(found)
-        };
-        halt.each((0..count).collect(), again).into_iter().flatten().collect()
-    }
-
     /// What a minimum of something else costs by what was felt, with numbers near its own.
-    fn cost(&self, of: &NumberedMinimum, felt: &dyn Felt) -> Option<f64> {
+    pub(super) fn cost(&self, of: &NumberedMinimum, felt: &dyn Felt) -> Option<f64> {
         let begun = self.begun(of.tried.guess)?;
         let knots = self.friction_along(begun.guess)?;
         Some(self.seen(begun.guess, &of.taken, &begun, &knots, felt)?.1.cost)
     }
 
     /// The minimum of the last of several things felt, to which those before it lead one after the other.
-    fn fitted(
+    pub(super) fn fitted(
         &self,
         begun: &NumberedGuess,
         felt: &[&dyn Felt],

@@ -36,9 +36,10 @@ use read_force::{Doubts, ReadForce};
 use super::end::{BELIEF, Reach};
 use super::fit::{Around, Problem, Tried};
 use super::friction_along::FrictionAlong;
-use super::numbers::{MotionNumbers, NUMBERED_LEADS, NumberedMinimum, Unknown, redrawn_of};
+use super::numbers::{MotionNumbers, NUMBERED_LEADS, NumberedMinimum, Unknown};
 use super::part_errors::PartErrors;
 use super::path::{Course, CourseStart, Guess, Resolution};
+use super::samples::samples_of;
 use super::windowed_force::place_covariance;
 use super::{GATE, WALKED_MAX, is_one_place, is_possible, leads, leads_of_edges, misfit_limit, search, symmetry};
 use crate::geometry::Pose;
@@ -284,13 +285,14 @@ impl<'a, 'p> FeltPush<'a, 'p> {
         // Only what is listed is worth a walk.
         let is_walked = minima.len() <= WALKED_MAX;
         let of_edge = |edge: usize| minima.iter().filter(|minimum| minimum.found.tried().guess.edge == edge).count();
-        let redrawn = |edge: usize| if looks { redrawn_of(of_edge(edge)) } else { 0 };
+        let samples = |edge: usize| if looks { samples_of(of_edge(edge)) } else { 0 };
         let reach = |minimum: &Minimum| Looked {
             is_walked: is_walked && looks,
             leads: &all,
-            redrawn: redrawn(minimum.found.tried().guess.edge),
+            samples: samples(minimum.found.tried().guess.edge),
         };
-        let concluded = halt.every(minima.iter().collect(), |minimum| self.concluded(minimum, &reach(minimum), halt));
+        let concluded =
+            halt.every(minima.iter().collect(), |minimum| self.concluded(&minimum.found, &reach(minimum), halt));
         concluded.into_iter().flatten().collect()
     }
 
@@ -325,7 +327,7 @@ impl<'a, 'p> FeltPush<'a, 'p> {
 
     /// The minimum that a guess leads to, with all that is unknown.
     fn followed(&self, guess: Guess, is_walked: bool, halt: &Halt<'_>) -> Option<Concluded> {
-        self.concluded(&self.minimum(guess, true, halt)?, &Looked { is_walked, ..Looked::ALONE }, halt)
+        self.concluded(&self.minimum(guess, true, halt)?.found, &Looked { is_walked, ..Looked::ALONE }, halt)
     }
 
     /// The same before anything is said of it; none where the finger cannot be there.
@@ -338,35 +340,36 @@ impl<'a, 'p> FeltPush<'a, 'p> {
             let problem = self.problem(&self.course);
             Fitted::Plain(problem.descend(problem.try_guess(guess)?, usize::MAX).into())
         };
-        let course = self.course_of(&found);
-        let problem = self.problem(&course);
-        let cost_max = self.cost_max(&problem, found.tried());
-        let is_possible = is_possible(&problem, found.tried());
-        drop(course);
-        is_possible.then_some(Minimum { found, cost_max })
+        let cost_max = {
+            let course = self.course_of(&found);
+            let problem = self.problem(&course);
+            is_possible(&problem, found.tried()).then(|| self.cost_max(&problem, found.tried()))?
+        };
+        Some(Minimum { found, cost_max })
     }
 
     /// What it says. How far it reaches is seen with numbers found too by what might have been felt instead, otherwise by a walk
     /// along its valley, if wished.
-    fn concluded(&self, minimum: &Minimum, looked: &Looked<'_>, halt: &Halt<'_>) -> Option<Concluded> {
-        let Minimum { found, cost_max } = minimum;
+    fn concluded(&self, found: &Fitted, looked: &Looked<'_>, halt: &Halt<'_>) -> Option<Concluded> {
+        let Fitted::Numbered(numbered) = found else {
+            return self.told(found, if looked.is_walked { Reach::Valley(halt) } else { Reach::Slopes });
+        };
+        let is_possible =
+            |found: &NumberedMinimum| is_possible(&self.problem(&found.numbered.course(&self.course)), &found.tried);
+        let Looked { leads, samples, .. } = *looked;
+        let mut sampled = self.unknown().sampled(numbered, &self.felt, leads, samples, is_possible, halt);
+        let lower = sampled.lower.take().map(|lower| Fitted::Numbered(lower.into()));
+        self.told(lower.as_ref().unwrap_or(found), Reach::Sampled(&sampled))
+    }
+
+    /// What a minimum says, how far it reaches being seen so.
+    fn told(&self, found: &Fitted, reach: Reach<'_>) -> Option<Concluded> {
         let course = self.course_of(found);
         let (problem, tried) = (self.problem(&course), found.tried());
-        let redrawn = match found {
-            Fitted::Numbered(numbered) => {
-                self.unknown().redrawn(numbered, &self.felt, looked.leads, looked.redrawn, halt)
-            }
-            Fitted::Plain(_) => Vec::new(),
-        };
-        let reach = match found {
-            Fitted::Numbered(_) => Reach::Redrawn(&redrawn),
-            Fitted::Plain(_) if looked.is_walked => Reach::Valley(halt),
-            Fitted::Plain(_) => Reach::Slopes,
-        };
         let around = problem.around(tried);
         Some(Concluded {
             cost: tried.cost,
-            cost_max: *cost_max,
+            cost_max: self.cost_max(&problem, tried),
             guess: tried.guess,
             end: tried.path.end,
             found: hypothesis(&problem, &around, self.known, &self.felt, reach)?,
@@ -471,12 +474,12 @@ struct Looked<'a> {
     /// Where else on its edge what is drawn again is fitted from.
     leads: &'a [Guess],
     /// How often it is drawn.
-    redrawn: usize,
+    samples: usize,
 }
 
 impl Looked<'_> {
     /// Of one that is the only one of its edge.
-    const ALONE: Self = Self { is_walked: true, leads: &[], redrawn: redrawn_of(1) };
+    const ALONE: Self = Self { is_walked: true, leads: &[], samples: samples_of(1) };
 }
 
 /// Where a search comes to.

@@ -557,7 +557,7 @@ fn what_is_stated_reaches_along_a_valley_that_bends() {
             .state
             .fixed_view::<2, 2>(0, 0)
             .into_owned();
-        let Some(valley) = problem.valley(&found) else { continue };
+        let Some(valley) = problem.valley(&found, &Halt::new(&never)) else { continue };
         bent += 1;
         for place in &valley.places {
             // Within the 95 % interval by its cost.

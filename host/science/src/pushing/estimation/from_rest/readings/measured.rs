@@ -171,7 +171,7 @@ impl<'a> Measured<'a> {
         let minima = near_best(minima, |(_, minimum): &(f64, Minimum)| minimum.place());
         let concluded = |(sds, minimum): (f64, Minimum)| {
             let mut found = self.at(sds, |push| {
-                Some((push.offset_of(minimum.found.taken()), push.concluded(&minimum, &Looked::ALONE, halt)?))
+                Some((push.offset_of(minimum.found.taken()), push.concluded(&minimum.found, &Looked::ALONE, halt)?))
             })??;
             self.count_path(&mut found.1);
             Some(found)

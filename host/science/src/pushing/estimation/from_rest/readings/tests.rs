@@ -274,12 +274,12 @@ fn samples_of_a_minimum_spread_as_its_slopes_say() {
         let Some(Minimum { found: Fitted::Numbered(found), .. }) = push.minimum(begun, false, halt) else { continue };
         let course = found.numbered.course(&push.course);
         let problem = push.problem(&course);
-        let samples = push.unknown().redrawn(&found, &push.felt, &[], SAMPLES, halt);
+        let samples = push.unknown().sampled(&found, &push.felt, &[], SAMPLES, |_| true, halt);
         // Where a valley bends or ends, slopes say something else.
-        if 10 * samples.len() < 9 * SAMPLES {
+        if 10 * samples.samples.len() < 9 * SAMPLES || samples.valley.is_some() {
             continue;
         }
-        let [slopes, sampled] = [Reach::Slopes, Reach::Redrawn(&samples)]
+        let [slopes, sampled] = [Reach::Slopes, Reach::Sampled(&samples)]
             .map(|reach| problem.end_covariance(&problem.around(&found.tried), reach).unwrap().pose.diagonal());
         for (slopes, sampled) in slopes.iter().zip(sampled.iter()) {
             let ratio = sampled / slopes;

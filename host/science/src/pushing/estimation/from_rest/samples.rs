@@ -1,0 +1,144 @@
+//! What all that is not known leaves open, sampled.
+//!
+//! Samples are minima of what might have been felt instead, of a push that is as a minimum says, each number with its prior drawn
+//! too (randomised maximum likelihood; Oliver, He and Reynolds 1996). Where a valley bends, slopes at its lowest point say too
+//! little: fits of samples begin at the minimum, all along its valley, and where else on its edge a search has come to.
+//!
+//! A sample that costs less by what was felt than the minimum itself shows that this was none, and leads to a lower one.
+//!
+//! Units: SI. Errors: none.
+
+use super::GATE;
+use super::felt::Felt;
+use super::fit::Problem;
+use super::numbers::{COST_STEP, EFFORT, Instead, NumberedGuess, NumberedMinimum, OF_SAMPLE, Unknown};
+use super::path::{Course, Guess};
+use super::valley::Valley;
+use crate::math::random::Draw;
+use crate::search::Halt;
+
+/// Samples of the minima that are listed of an edge.
+const SAMPLES: usize = 24;
+
+/// Of each of them at the least.
+const SAMPLES_MIN: usize = 8;
+
+/// How many of each, where so many of an edge are listed: these are samples of it themselves.
+pub(super) const fn samples_of(listed_of_edge: usize) -> usize {
+    let each = if listed_of_edge > 1 { SAMPLES / listed_of_edge } else { SAMPLES };
+    if each > SAMPLES_MIN { each } else { SAMPLES_MIN }
+}
+
+/// Places of a valley from which samples are fitted, at the most.
+const PLACES_MAX: usize = 8;
+
+/// So often samples may lead to a lower minimum.
+const LOWER_MAX: usize = 2;
+
+/// What might have been felt is drawn with this: the same for every push, so that an answer can be had again.
+const SEED: u64 = 0x7265_6472_6177_6e00;
+
+/// What is seen about a minimum.
+pub(super) struct Sampled {
+    /// The minimum to which samples led, where it is a lower one.
+    pub(super) lower: Option<NumberedMinimum>,
+    /// About that.
+    pub(super) samples: Vec<NumberedMinimum>,
+    /// Its valley, where that bends: what numbers change is held there, and they are found anew.
+    pub(super) valley: Option<Valley>,
+}
+
+/// What is seen about a minimum, and the guess of a sample that costs less than it.
+struct About {
+    samples: Vec<NumberedMinimum>,
+    valley: Option<Valley>,
+    least: Option<NumberedGuess>,
+}
+
+impl Unknown<'_, '_> {
+    /// So many samples about a minimum, or a lower one that they lead to, if it is possible; fits begin at `leads` of its edge, too.
+    pub(super) fn sampled(
+        &self,
+        minimum: &NumberedMinimum,
+        felt: &dyn Felt,
+        leads: &[Guess],
+        count: usize,
+        is_possible: impl Fn(&NumberedMinimum) -> bool,
+        halt: &Halt<'_>,
+    ) -> Sampled {
+        let about =
+            |lower: &Option<NumberedMinimum>| self.about(lower.as_ref().unwrap_or(minimum), felt, leads, count, halt);
+        let mut lower = None;
+        let mut seen = about(&lower);
+        for _ in 0..LOWER_MAX {
+            let found = seen.least.and_then(|least| self.fitted(&least, &[felt], EFFORT, halt)).filter(&is_possible);
+            if found.is_none() {
+                break;
+            }
+            lower = found;
+            seen = about(&lower);
+        }
+        let About { samples, valley, .. } = seen;
+        Sampled { lower, samples, valley }
+    }
+
+    /// Samples that explain what was felt nearly as well, and the best of them where that costs less than the minimum.
+    fn about(
+        &self,
+        minimum: &NumberedMinimum,
+        felt: &dyn Felt,
+        leads: &[Guess],
+        count: usize,
+        halt: &Halt<'_>,
+    ) -> About {
+        let tried = &minimum.tried;
+        let valley = self.valley(minimum, felt, halt);
+        let places = valley.as_ref().map_or(&[][..], |valley| &valley.places);
+        let apart = places.len().div_ceil(PLACES_MAX).max(1);
+        let along_valley = places.iter().step_by(apart).map(|place| place.there.guess);
+        let on_edge = leads.iter().filter(|lead| lead.edge == tried.guess.edge).copied();
+        let starts: Vec<_> = along_valley.chain(on_edge).collect();
+        let sample = |number: usize| {
+            // Every other one begins elsewhere, evenly over what there is.
+            let elsewhere = starts.get((number / 2) * starts.len() / (count / 2).max(1)).filter(|_| number % 2 == 1);
+            let found = self.sample(minimum, felt, *elsewhere.unwrap_or(&tried.guess), number, halt)?;
+            let cost = self.cost(&found, felt)?;
+            (cost <= tried.cost + GATE).then_some((cost, found))
+        };
+        let samples: Vec<_> = halt.each((0..count).collect(), sample).into_iter().flatten().collect();
+        let least = samples.iter().min_by(|a, b| a.0.total_cmp(&b.0)).filter(|least| least.0 < tried.cost - COST_STEP);
+        let least = least.and_then(|(_, least)| Some(self.begun(least.tried.guess)?.off(&least.taken)));
+        About { samples: samples.into_iter().map(|(_, sample)| sample).collect(), valley, least }
+    }
+
+    /// The minimum of what might have been felt instead, to which a guess leads.
+    fn sample(
+        &self,
+        minimum: &NumberedMinimum,
+        felt: &dyn Felt,
+        guess: Guess,
+        number: usize,
+        halt: &Halt<'_>,
+    ) -> Option<NumberedMinimum> {
+        let tried = &minimum.tried;
+        let mut draw = Draw::case(SEED, number);
+        let data = felt.data() + tried.predicted.redrawn(tried.mass, felt.data().len(), &mut draw);
+        let prior: Vec<_> = minimum.taken.iter().map(|_| draw.normal()).collect();
+        let mu_g_log = self.course.mu_g_log_sd.map_or(0.0, |sd| sd * draw.normal());
+        let course = Course { mu_g: self.course.mu_g * mu_g_log.exp(), ..self.course.clone() };
+        let begun = self.begun(Guess { mu_g_log: guess.mu_g_log - mu_g_log, ..guess })?;
+        let begun = begun.off(&minimum.taken).with_priors(prior);
+        let unknown = Unknown { course: &course, ..*self };
+        let mut found = unknown.fitted(&begun, &[&Instead::redrawn(felt, data)], OF_SAMPLE, halt)?;
+        found.tried.guess.mu_g_log += mu_g_log;
+        Some(found)
+    }
+
+    /// The valley of a minimum, where it bends: what numbers change is held, and they are found anew.
+    fn valley(&self, minimum: &NumberedMinimum, felt: &dyn Felt, halt: &Halt<'_>) -> Option<Valley> {
+        let course = minimum.numbered.course(self.course).sure();
+        let held = Instead::held(felt, minimum.tried.predicted.numbers.clone());
+        let problem = Problem { course: &course, measured: &held, mass: self.mass };
+        problem.valley(&problem.try_path(minimum.tried.guess, minimum.tried.path.clone())?, halt)
+    }
+}
