@@ -42,6 +42,10 @@ const STEP_OF_MEMORY: f64 = 2.0;
 /// or nearly stops, what turns and slides settles meanwhile.
 const STEP_STIFF_S: f64 = 1e-4;
 
+/// An implicit step is halved over which the rate grows by more than this factor, the part coming to a stop: what it takes for the
+/// rate leaves the force off by a hundredth where it grows threefold.
+const GROWTH_MAX: f64 = 1.1;
+
 /// The same of coarse steps, s: an implicit one costs as much as two explicit ones.
 const STEP_STIFF_COARSE_S: f64 = 0.01;
 
@@ -120,6 +124,14 @@ impl Resolution {
         match self {
             Self::Fine => STEP_STIFF_S,
             Self::Coarse => STEP_STIFF_COARSE_S,
+        }
+    }
+
+    /// By how much the rate at which the motion settles may grow in an implicit step.
+    fn growth(self) -> f64 {
+        match self {
+            Self::Fine => GROWTH_MAX,
+            Self::Coarse => f64::INFINITY,
         }
     }
 
@@ -648,7 +660,7 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
             let turning = self.model.turns_after(self.time - self.leg_from, turn_tangent).max(STEP_TURNING_S);
             let turned = (turning < left).then(|| (self.time, self.force(), self.path.jumps.len()));
             let left = left.min(turning);
-            let explicit = STEP_OF_MEMORY / self.fastest_rate();
+            let explicit = STEP_OF_MEMORY / fastest_rate(&self.now, &self.contact);
             // An explicit one is cheaper where it reaches as far.
             let stiff = explicit < resolution.stiff_s().min(left);
             self.step(if stiff { left } else { explicit.min(left) }, stiff)?;
@@ -662,18 +674,6 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
         self.path.end = State { v_t: self.v_t(), ..self.state };
         self.path.contact = self.contact;
         Ok(())
-    }
-
-    /// The fastest rate at which turning and sliding settle here, 1/s: the largest eigenvalue of the derivatives of
-    /// their accelerations by them. Friction resists a slow part the harder the slower it is, and a contact that slides
-    /// near its jam multiplies what it feels.
-    fn fastest_rate(&self) -> f64 {
-        let [[a, b], sliding] = self.now.settling;
-        // A contact that rolls has no velocity along it of its own.
-        let [c, d] = if self.contact == ContactMode::Rolling { [0.0; 2] } else { sliding };
-        let (half, determinant) = (0.5 * (a + d), a * d - b * c);
-        let discriminant = half * half - determinant;
-        if discriminant >= 0.0 { half.abs() + discriminant.sqrt() } else { determinant.sqrt() }
     }
 
     fn v_t(&self) -> f64 {
@@ -726,6 +726,10 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
         let after = at(length);
         // After an implicit step the next is likely one too.
         let there = seen(&model, &self.contact, local + length, &after, stiff);
+        let grows = || fastest_rate(&there, &contact) > self.resolution.growth() * fastest_rate(&self.now, &contact);
+        if stiff && length > STEP_TURNING_S && grows() {
+            return self.step(0.5 * length, stiff);
+        }
         let Margin { left, needed } = match self.margin(local + length, &after, &there.motion) {
             Err(Lost::Contact) if length > LOST_S => return self.step(0.5 * length, stiff),
             margin => margin?,
@@ -817,6 +821,18 @@ fn between([(start, start_rates), (end, end_rates)]: [(&State, &State); 2], leng
     let bend =
         (*end + *start * -1.0) * (1.0 - 2.0 * share) + *end_rates * (share * length) + *start_rates * (-rest * length);
     *start * rest + *end * share + bend * (-share * rest)
+}
+
+/// The fastest rate at which turning and sliding settle, 1/s: the largest eigenvalue of the derivatives of
+/// their accelerations by them. Friction resists a slow part the harder the slower it is, and a contact that slides
+/// near its jam multiplies what it feels.
+fn fastest_rate(motion: &SettlingMotion, contact: &ContactMode) -> f64 {
+    let [[a, b], sliding] = motion.settling;
+    // A contact that rolls has no velocity along it of its own.
+    let [c, d] = if *contact == ContactMode::Rolling { [0.0; 2] } else { sliding };
+    let (half, determinant) = (0.5 * (a + d), a * d - b * c);
+    let discriminant = half * half - determinant;
+    if discriminant >= 0.0 { half.abs() + discriminant.sqrt() } else { determinant.sqrt() }
 }
 
 /// What a contact leads to.
