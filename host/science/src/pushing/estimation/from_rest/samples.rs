@@ -39,6 +39,7 @@ const LOWER_MAX: usize = 2;
 const SEED: u64 = 0x7265_6472_6177_6e00;
 
 /// What is seen about a minimum.
+#[derive(Default)]
 pub(super) struct Sampled {
     /// The minimum to which samples led, where it is a lower one.
     pub(super) lower: Option<NumberedMinimum>,
@@ -57,6 +58,7 @@ struct About {
 
 impl Unknown<'_, '_> {
     /// So many samples about a minimum, or a lower one that they lead to, if it is possible; fits begin at `leads` of its edge, too.
+    /// Nothing is looked at for none.
     pub(super) fn sampled(
         &self,
         minimum: &NumberedMinimum,
@@ -66,17 +68,17 @@ impl Unknown<'_, '_> {
         is_possible: impl Fn(&NumberedMinimum) -> bool,
         halt: &Halt<'_>,
     ) -> Sampled {
-        let about =
-            |lower: &Option<NumberedMinimum>| self.about(lower.as_ref().unwrap_or(minimum), felt, leads, count, halt);
+        if count == 0 {
+            return Sampled::default();
+        }
         let mut lower = None;
-        let mut seen = about(&lower);
+        let mut seen = self.about(minimum, felt, leads, count, halt);
         for _ in 0..LOWER_MAX {
-            let found = seen.least.and_then(|least| self.fitted(&least, &[felt], EFFORT, halt)).filter(&is_possible);
-            if found.is_none() {
-                break;
-            }
-            lower = found;
-            seen = about(&lower);
+            let cost = lower.as_ref().unwrap_or(minimum).tried.cost;
+            let found = seen.least.and_then(|least| self.fitted(&least, &[felt], EFFORT, halt));
+            // Straight lines may promise of a sample what a fit does not find.
+            let Some(found) = found.filter(|found| found.tried.cost < cost && is_possible(found)) else { break };
+            seen = self.about(lower.insert(found), felt, leads, count, halt);
         }
         let About { samples, valley, .. } = seen;
         Sampled { lower, samples, valley }
