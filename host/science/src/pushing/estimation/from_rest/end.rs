@@ -112,10 +112,7 @@ impl<'p> Problem<'_, 'p> {
     /// force; how far the minimum reaches being seen as `reach` says.
     pub(super) fn end_covariance(&self, around: &Around, reach: Reach<'_>) -> Option<EndCovariance> {
         let (at, course) = (around.at, self.course.sure());
-        let end = End::of(&course, &at.guess, &at.path)?;
-        let to = |course: &Course<'p>, guess: &Guess, path: &Path| Some(end.to(&End::of(course, guess, path)?));
-        let parameters = self.covariance(around)?;
-        let of_end = self.of_end(around, to, &SMatrix::zeros(), None, &parameters)?;
+        let AboutEnd { end, parameters, of_end } = self.about_end(around, &course)?;
         let needed_sd = of_end.covariance[(NEEDED, NEEDED)].max(0.0).sqrt();
         let mut all = parameters.fixed_view::<COLUMNS, COLUMNS>(0, 0).into_owned();
         let mut said = of_end.covariance;
@@ -140,7 +137,7 @@ impl<'p> Problem<'_, 'p> {
                 let there = &place.there;
                 let more = DVector::from_vec(self.taken_of_nuisances(there)) - DVector::from_column_slice(&taken);
                 let of_numbers = (&of_end.of_nuisances * more).fixed_view::<SAID, 1>(0, 0).into_owned();
-                Some(to(&course, &there.guess, &there.path)? + of_numbers)
+                Some(end.to_that_of(&course, &there.guess, &there.path)? + of_numbers)
             });
         }
         let [u, s, ..] = STATE;
@@ -151,8 +148,7 @@ impl<'p> Problem<'_, 'p> {
         }
         if let Reach::Sampled(Sampled { samples, valley, .. }) = reach {
             let told = |sample: &NumberedMinimum| {
-                let course = sample.numbered.course(self.course);
-                Some(end.to(&End::of(&course, &sample.tried.guess, &sample.tried.path)?))
+                end.to_that_of(&sample.numbered.course(self.course), &sample.tried.guess, &sample.tried.path)
             };
             let of_parameters = sampled(by_slopes.0, samples.iter().map(|sample| change(at, &sample.tried)));
             let of_end = sampled(by_slopes.1, samples.iter().filter_map(told));
@@ -180,13 +176,17 @@ impl<'p> Problem<'_, 'p> {
 
     /// The valley of a minimum, where it bends.
     pub(super) fn valley(&self, at: &Tried, halt: &Halt<'_>) -> Option<Valley> {
-        let course = self.course.sure();
-        let end = End::of(&course, &at.guess, &at.path)?;
-        let to = |course: &Course<'p>, guess: &Guess, path: &Path| Some(end.to(&End::of(course, guess, path)?));
-        let around = self.around(at);
-        let parameters = self.covariance(&around)?;
-        let of_end = self.of_end(&around, to, &SMatrix::zeros(), None, &parameters)?;
+        let AboutEnd { parameters, of_end, .. } = self.about_end(&self.around(at), &self.course.sure())?;
         Valley::through(self, at, &parameters, &of_end.of_state(), halt)
+    }
+
+    /// The end of a minimum of a course, and how it follows the parameters.
+    fn about_end(&self, around: &Around, course: &Course<'p>) -> Option<AboutEnd> {
+        let end = End::of(course, &around.at.guess, &around.at.path)?;
+        let to = |course: &Course<'p>, guess: &Guess, path: &Path| end.to_that_of(course, guess, path);
+        let parameters = self.covariance(around)?;
+        let of_end = self.of_end(around, to, &SMatrix::zeros(), None, &parameters)?;
+        Some(AboutEnd { end, parameters, of_end })
     }
 
     /// Second moments of what slopes leave out of the pose at the end (x, y, θ), for a covariance of contact angle and
@@ -310,6 +310,15 @@ impl OfEnd<SAID> {
     }
 }
 
+/// The end of a minimum, and what it follows.
+struct AboutEnd {
+    end: End,
+    /// Covariance of the parameters.
+    parameters: DMatrix<f64>,
+    /// How what is said of the end follows them.
+    of_end: OfEnd<SAID>,
+}
+
 /// The end of a push.
 struct End {
     /// Of the part frame.
@@ -328,6 +337,11 @@ impl End {
             state: path.end,
             friction_needed: path.friction_needed,
         })
+    }
+
+    /// How that of another push differs.
+    fn to_that_of(&self, course: &Course, guess: &Guess, path: &Path) -> Option<Said> {
+        Some(self.to(&Self::of(course, guess, path)?))
     }
 
     /// How another differs.

@@ -8,7 +8,6 @@
 
 use super::felt::Felt as _;
 use super::fit::{Problem, Tried};
-use super::hann_windows;
 use super::path::Course;
 use super::seeds::Cover;
 use super::windowed_force::WindowedForce;
@@ -65,7 +64,7 @@ pub fn first_look(known: &KnownFromRest, measured: &WindowedForce) -> Fit {
     let mut tried: Vec<Tried> = Vec::new();
     for Stage { windows, followed, steps, far } in stages(measured.span()) {
         let beginning = looked_at.beginning_of(windows);
-        let course = Course { duration: hann_windows::end(beginning.span() - 1), ..coarse.clone() };
+        let course = Course { duration: beginning.duration(), ..coarse.clone() };
         let problem = Problem { course: &course, measured: &beginning, mass: None };
         tried = guesses(&problem, &tried, &edges, Cover::Sparse, &Halt::new(&never));
         tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));

@@ -212,16 +212,12 @@ impl PartUnknown<'_, '_> {
         let found =
             halt.each(starts.clone(), |guess| unknown.found(guess, measured, self.roughly, explains, false, halt));
         let mut found: Vec<_> = found.into_iter().flatten().collect();
-        let is_possible = |found: &NumberedMinimum| {
-            let course = found.numbered.course(self.course);
-            is_possible(&Problem { course: &course, measured, mass: None }, &found.tried)
-        };
-        found.retain(is_possible);
+        found.retain(|found| unknown.is_possible(found, measured));
         let edges: Vec<_> = found.iter().map(|found| found.tried.guess.edge).collect();
         let of_edge = |edge: usize| edges.iter().filter(|of| **of == edge).count();
         let said = |found: &NumberedMinimum, best: f64, excess: f64, _| {
             let count = samples_of(of_edge(found.tried.guess.edge));
-            let sampled = unknown.sampled(found, measured, &starts, count, is_possible, halt);
+            let sampled = unknown.sampled(found, measured, &starts, count, halt);
             let found = sampled.lower.as_ref().unwrap_or(found);
             let course = found.numbered.course(self.course);
             let problem = Problem { course: &course, measured, mass: None };
@@ -547,7 +543,7 @@ fn course<'p>(known: &KnownFromRest<'p>, measured: &WindowedForce) -> Course<'p>
         off: &[],
         start: CourseStart::Rest,
         legs: known.motion.legs(known.radius).collect(),
-        duration: hann_windows::end(measured.span() - 1),
+        duration: measured.duration(),
         resolution: Resolution::Fine,
     }
 }

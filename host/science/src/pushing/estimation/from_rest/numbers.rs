@@ -13,6 +13,7 @@ use nalgebra::{DVector, SVector, Vector2};
 use super::felt::{Felt, NumberOff, OfNumber, Predicted, undamped};
 use super::fit::{COLUMNS, PARAMETERS, Problem, SHARE_OF_SD, Tried, moved};
 use super::friction_along::FrictionAlong;
+use super::is_possible;
 use super::model::sought;
 use super::part_errors::PartErrors;
 use super::path::{Changed, Course, Guess, Path};
@@ -249,6 +250,12 @@ impl Unknown<'_, '_> {
         off.extend(self.motion.iter().flat_map(|motion| motion.taken_for()));
         off.extend(std::iter::repeat_n(0.0, self.friction_along(guess)?.count()));
         Some(NumberedGuess { guess, prior: vec![0.0; off.len()], felt_off: off.clone(), off })
+    }
+
+    /// Whether the finger can be at a minimum at all, outside of the part as it is there.
+    pub(super) fn is_possible(&self, found: &NumberedMinimum, measured: &dyn Felt) -> bool {
+        let course = found.numbered.course(self.course);
+        is_possible(&Problem { course: &course, measured, mass: self.mass }, &found.tried)
     }
 
     /// What a minimum of something else costs by what was felt, with numbers near its own.

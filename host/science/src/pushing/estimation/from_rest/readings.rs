@@ -354,10 +354,8 @@ impl<'a, 'p> FeltPush<'a, 'p> {
         let Fitted::Numbered(numbered) = found else {
             return self.told(found, if looked.is_walked { Reach::Valley(halt) } else { Reach::Slopes });
         };
-        let is_possible =
-            |found: &NumberedMinimum| is_possible(&self.problem(&found.numbered.course(&self.course)), &found.tried);
         let Looked { leads, samples, .. } = *looked;
-        let mut sampled = self.unknown().sampled(numbered, &self.felt, leads, samples, is_possible, halt);
+        let mut sampled = self.unknown().sampled(numbered, &self.felt, leads, samples, halt);
         let lower = sampled.lower.take().map(|lower| Fitted::Numbered(lower.into()));
         self.told(lower.as_ref().unwrap_or(found), Reach::Sampled(&sampled))
     }

@@ -49,13 +49,6 @@ pub(super) struct Sampled {
     pub(super) valley: Option<Valley>,
 }
 
-/// What is seen about a minimum, and the guess of a sample that costs less than it.
-struct About {
-    samples: Vec<NumberedMinimum>,
-    valley: Option<Valley>,
-    least: Option<NumberedGuess>,
-}
-
 impl Unknown<'_, '_> {
     /// So many samples about a minimum, or a lower one that they lead to, if it is possible; fits begin at `leads` of its edge, too.
     /// Nothing is looked at for none.
@@ -65,26 +58,25 @@ impl Unknown<'_, '_> {
         felt: &dyn Felt,
         leads: &[Guess],
         count: usize,
-        is_possible: impl Fn(&NumberedMinimum) -> bool,
         halt: &Halt<'_>,
     ) -> Sampled {
         if count == 0 {
             return Sampled::default();
         }
-        let mut lower = None;
-        let mut seen = self.about(minimum, felt, leads, count, halt);
+        let (mut seen, mut least) = self.about(minimum, felt, leads, count, halt);
         for _ in 0..LOWER_MAX {
-            let cost = lower.as_ref().unwrap_or(minimum).tried.cost;
-            let found = seen.least.and_then(|least| self.fitted(&least, &[felt], EFFORT, halt));
+            let cost = seen.lower.as_ref().unwrap_or(minimum).tried.cost;
+            let found = least.and_then(|least| self.fitted(&least, &[felt], EFFORT, halt));
             // Straight lines may promise of a sample what a fit does not find.
-            let Some(found) = found.filter(|found| found.tried.cost < cost && is_possible(found)) else { break };
-            seen = self.about(lower.insert(found), felt, leads, count, halt);
+            let found = found.filter(|found| found.tried.cost < cost && self.is_possible(found, felt));
+            let Some(found) = found else { break };
+            let (about, lower) = self.about(&found, felt, leads, count, halt);
+            (seen, least) = (Sampled { lower: Some(found), ..about }, lower);
         }
-        let About { samples, valley, .. } = seen;
-        Sampled { lower, samples, valley }
+        seen
     }
 
-    /// Samples that explain what was felt nearly as well, and the best of them where that costs less than the minimum.
+    /// Samples that explain what was felt nearly as well, and the guess of the best of them where that costs less than the minimum.
     fn about(
         &self,
         minimum: &NumberedMinimum,
@@ -92,7 +84,7 @@ impl Unknown<'_, '_> {
         leads: &[Guess],
         count: usize,
         halt: &Halt<'_>,
-    ) -> About {
+    ) -> (Sampled, Option<NumberedGuess>) {
         let tried = &minimum.tried;
         let valley = self.valley(minimum, felt, halt);
         let places = valley.as_ref().map_or(&[][..], |valley| &valley.places);
@@ -110,7 +102,8 @@ impl Unknown<'_, '_> {
         let samples: Vec<_> = halt.each((0..count).collect(), sample).into_iter().flatten().collect();
         let least = samples.iter().min_by(|a, b| a.0.total_cmp(&b.0)).filter(|least| least.0 < tried.cost - COST_STEP);
         let least = least.and_then(|(_, least)| Some(self.begun(least.tried.guess)?.off(&least.taken)));
-        About { samples: samples.into_iter().map(|(_, sample)| sample).collect(), valley, least }
+        let samples = samples.into_iter().map(|(_, sample)| sample).collect();
+        (Sampled { lower: None, samples, valley }, least)
     }
 
     /// The minimum of what might have been felt instead, to which a guess leads.

@@ -229,7 +229,7 @@ impl PushWatch {
             self.next_s = hann_windows::end(windows - 1) + self.settings.every_s;
         }
         let measured = self.force(known.motion)?;
-        let now = hann_windows::end(measured.span() - 1);
+        let now = measured.duration();
         let search_is_due = |before: f64| SEARCHES_S.iter().any(|&time| before < time && time <= now);
         let estimate = match &self.last {
             Some(last) if !search_is_due(last.time_end) => follow(known, &measured, last),

@@ -357,7 +357,7 @@ impl WindowedForce {
             let forces = || self.forces_finger.iter().flatten();
             let mean_square = forces().map(Vector2::norm_squared).sum::<f64>() / forces().count() as f64;
             let size = share * mean_square.sqrt();
-            for weight in drift_weights(0.0, hann_windows::end(self.span() - 1)) {
+            for weight in drift_weights(0.0, self.duration()) {
                 for axis in [Vector2::x(), Vector2::y()] {
                     drifting.beside.push(self.whiten(self.means_of(|t| axis * (size * weight(t))).into_iter()));
                 }
@@ -405,6 +405,12 @@ impl WindowedForce {
     #[must_use]
     pub fn span(&self) -> usize {
         self.forces_finger.len()
+    }
+
+    /// When the last of them is over, s.
+    #[must_use]
+    pub fn duration(&self) -> f64 {
+        hann_windows::end(self.span() - 1)
     }
 
     /// What the whitened values are of the windows that have a mean, N.

@@ -274,7 +274,7 @@ fn samples_of_a_minimum_spread_as_its_slopes_say() {
         let Some(Minimum { found: Fitted::Numbered(found), .. }) = push.minimum(begun, false, halt) else { continue };
         let course = found.numbered.course(&push.course);
         let problem = push.problem(&course);
-        let samples = push.unknown().sampled(&found, &push.felt, &[], SAMPLES, |_| true, halt);
+        let samples = push.unknown().sampled(&found, &push.felt, &[], SAMPLES, halt);
         // Where a valley bends or ends, slopes say something else.
         if 10 * samples.samples.len() < 9 * SAMPLES || samples.valley.is_some() {
             continue;
