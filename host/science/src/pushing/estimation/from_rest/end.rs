@@ -12,11 +12,12 @@ use nalgebra::{
     DMatrix, DVector, Isometry2, Matrix2, Matrix3, Matrix4, Matrix6, SMatrix, SVector, Vector2, Vector3, Vector4,
 };
 
-use super::fit::{Around, COLUMNS, DELAY, MU_C, MU_G, PARAMETERS, Problem, SHARE_OF_SD, Tried, spread};
+use super::fit::{Around, COLUMNS, DELAY, MU_C, MU_G, PARAMETERS, Problem, SHARE_OF_SD, Tried, spread, volume};
 use super::numbers::NumberedMinimum;
 use super::path::{Course, Guess, Path};
 use super::samples::Sampled;
 use super::valley::{Valley, change};
+use crate::math::covariance::wider;
 use crate::math::unscented::Gaussian;
 use crate::pushing::dynamics::State;
 use crate::search::Halt;
@@ -67,6 +68,8 @@ pub(super) struct EndCovariance {
     pub(super) state: Matrix4<f64>,
     /// Square root of the determinant for contact angle and place at the start.
     pub(super) spread: f64,
+    /// Of the parameters, as samples say, where that which slopes say is 1.
+    pub(super) sampled_volume: f64,
     /// Standard deviation of µ_c, where the contact slipped.
     pub(super) mu_c_sd: Option<f64>,
     /// Friction that rolling took, at the least.
@@ -86,25 +89,34 @@ pub(super) enum Reach<'a> {
     Slopes,
     /// By them, and along a valley that bends, which takes as long as the fit.
     Valley(&'a Halt<'a>),
-    /// By minima of what might have been felt instead, and along a valley that bends.
+    /// By slopes, along a valley that bends, and by minima of what might have been felt instead: the widest of these.
     Sampled(&'a Sampled),
 }
 
 /// What slopes say counts as so many samples.
 const SLOPES_COUNT: f64 = 4.0;
 
-/// What a walk along a valley that bends counts beside samples.
-const WALKED: f64 = 0.5;
+/// Second moments about a minimum: of samples, and of what slopes say as of so many more.
+struct Moments<const N: usize> {
+    mean: SMatrix<f64, N, N>,
+    /// Few samples tell a covariance in which a truth is further off than on average (Wishart): by this factor in its squares.
+    few: f64,
+}
 
-/// Second moments about a minimum, of samples and of what slopes say. Few samples tell a covariance in which a truth is further
-/// off than on average (Wishart): the slopes' share is added to theirs for that.
-fn sampled<const N: usize>(
-    slopes: SMatrix<f64, N, N>,
-    samples: impl Iterator<Item = SVector<f64, N>>,
-) -> SMatrix<f64, N, N> {
-    let (sum, count) =
-        samples.fold((SMatrix::zeros(), 0.0), |(sum, count), off| (sum + off * off.transpose(), count + 1.0));
-    if count < SLOPES_COUNT { slopes } else { (slopes * SLOPES_COUNT + sum) / count }
+impl<const N: usize> Moments<N> {
+    fn of(slopes: SMatrix<f64, N, N>, samples: impl Iterator<Item = SVector<f64, N>>) -> Self {
+        let (sum, count) =
+            samples.fold((SMatrix::zeros(), 0.0), |(sum, count), off| (sum + off * off.transpose(), count + 1.0));
+        if count < SLOPES_COUNT {
+            return Self { mean: slopes, few: 1.0 };
+        }
+        let all = SLOPES_COUNT + count;
+        Self { mean: (slopes * SLOPES_COUNT + sum) / all, few: all / count }
+    }
+
+    fn covariance(&self) -> SMatrix<f64, N, N> {
+        self.mean * self.few
+    }
 }
 
 impl<'p> Problem<'_, 'p> {
@@ -146,16 +158,19 @@ impl<'p> Problem<'_, 'p> {
         for said in [&mut said, &mut by_slopes.1] {
             said.fixed_view_mut::<3, 3>(0, 0).add_assign(&bent);
         }
-        if let Reach::Sampled(Sampled { samples, valley, .. }) = reach {
+        let mut sampled_volume = 1.0;
+        if let Reach::Sampled(Sampled { samples, .. }) = reach {
             let told = |sample: &NumberedMinimum| {
                 end.to_that_of(&sample.numbered.course(self.course), &sample.tried.guess, &sample.tried.path)
             };
-            let of_parameters = sampled(by_slopes.0, samples.iter().map(|sample| change(at, &sample.tried)));
-            let of_end = sampled(by_slopes.1, samples.iter().filter_map(told));
-            // Few samples come far along a valley that bends, and what a walk holds may bend, too: half what each says.
-            let walked = if valley.is_some() { WALKED } else { 0.0 };
-            all = all * walked + of_parameters * (1.0 - walked);
-            said = said * walked + of_end * (1.0 - walked);
+            let of_parameters = Moments::of(by_slopes.0, samples.iter().map(|sample| change(at, &sample.tried)));
+            let of_end = Moments::of(by_slopes.1, samples.iter().filter_map(told));
+            let volumes = volume(&of_parameters.mean).zip(volume(&by_slopes.0));
+            sampled_volume = volumes.map_or(1.0, |(of_samples, of_slopes)| of_samples / of_slopes);
+            // Slopes tell of the lowest place alone, few samples come far along a valley that bends, and what a walk holds may
+            // bend, too: what any of them shows is open.
+            all = wider(&wider(&by_slopes.0, &all), &of_parameters.covariance());
+            said = wider(&wider(&by_slopes.1, &said), &of_end.covariance());
         }
         let deviation = |parameter: usize| all[(parameter, parameter)].max(0.0).sqrt();
         let (mu_g_log_sd, mass_log_sd) = (deviation(MU_G), deviation(PARAMETERS));
@@ -171,6 +186,7 @@ impl<'p> Problem<'_, 'p> {
             motion: said.fixed_view::<MOTION, MOTION>(0, 0).into_owned(),
             state: Matrix4::from_fn(|row, column| said[(STATE[row], STATE[column])]),
             spread: spread(&all.fixed_view::<2, 2>(0, 0).into_owned()),
+            sampled_volume,
         })
     }
 

@@ -9,7 +9,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use nalgebra::{DMatrix, DVector, Matrix2, SVector, Vector2, Vector4};
+use nalgebra::{DMatrix, DVector, Matrix2, SMatrix, SVector, Vector2, Vector4};
 
 use super::felt::{Compared, Felt, NumberOff, OfNumber, Predicted};
 use super::model::{range, sought};
@@ -399,8 +399,7 @@ impl Problem<'_, '_> {
     /// and motion.
     pub(super) fn evidence(&self, around: &Around) -> Option<f64> {
         let (at, covariance) = (around.at, self.covariance(around)?);
-        let free: Vec<_> = (0..COLUMNS).filter(|&i| covariance[(i, i)] > 0.0).collect();
-        let of_found = DMatrix::from_fn(free.len(), free.len(), |row, column| covariance[(free[row], free[column])]);
+        let of_found = volume(&covariance.fixed_view::<COLUMNS, COLUMNS>(0, 0).into_owned())?;
         let nuisances: Vec<_> = at.predicted.nuisances(at.mass).collect();
         let of_unknown = if nuisances.is_empty() {
             1.0
@@ -415,7 +414,7 @@ impl Problem<'_, '_> {
             (None, false) => ((MU_C_MAX - at.path.friction_needed) / range).max(ROLLING_SHARE_MIN),
         };
         let of_slide = if at.guess.slide == 0.0 { 1.0 } else { TAU.sqrt() / (2.0 * SLIDE_MAX) };
-        Some(root_of_determinant(of_found)? / of_unknown * of_mu_c * of_slide)
+        Some(of_found / of_unknown * of_mu_c * of_slide)
     }
 
     /// Square root of the determinant of the covariance of contact angle and place at the start.
@@ -475,6 +474,12 @@ fn curvature(around: &Around) -> DMatrix<f64> {
 /// Of a positive definite matrix, from its factor: the determinant itself may be too small for a number.
 fn root_of_determinant(of: DMatrix<f64>) -> Option<f64> {
     Some(of.cholesky()?.l_dirty().diagonal().iter().map(|it| it.ln()).sum::<f64>().exp())
+}
+
+/// Square root of the determinant of a covariance; what is held counts as one.
+pub(super) fn volume<const N: usize>(covariance: &SMatrix<f64, N, N>) -> Option<f64> {
+    let free: Vec<_> = (0..N).filter(|&i| covariance[(i, i)] > 0.0).collect();
+    root_of_determinant(DMatrix::from_fn(free.len(), free.len(), |row, column| covariance[(free[row], free[column])]))
 }
 
 /// Square root of the determinant of a covariance of contact angle and place; what is held counts as one.

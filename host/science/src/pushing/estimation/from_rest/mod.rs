@@ -68,11 +68,13 @@ use model::range;
 use numbers::{NUMBERED_LEADS, NumberedMinimum, Unknown};
 pub use part_errors::PartErrors;
 use path::{Course, CourseStart, Guess, Resolution};
-use samples::samples_of;
+use samples::{EVIDENCE_LOG_SD, samples_of};
 use seeds::Cover;
 pub use windowed_force::{CalibrationUncertainty, CarriedFinger, Uncertainty, WindowedForce};
 
-use super::hypotheses::{Estimate, Fit, FromForce, GATE, Hypothesis, Nearness, Observer, SAME_END_M, of_valleys};
+use super::hypotheses::{
+    Estimate, Fit, FromForce, GATE, Hypothesis, Nearness, Observer, SAME_END_M, normalise, of_valleys,
+};
 use super::planning::Present;
 use crate::math::statistics::fisher_quantile;
 use crate::pushing::dynamics::{ContactLaw, FingerShape, Part, State};
@@ -224,7 +226,9 @@ impl PartUnknown<'_, '_> {
             hypothesis(&problem, &found.tried, best, excess, Reach::Sampled(&sampled))
         };
         let problem = Problem { course: self.course, measured, mass: None };
-        conclude_of(&problem, found, |found| &found.tried, said, symmetry, halt)
+        let mut estimate = conclude_of(&problem, found, |found| &found.tried, said, symmetry, halt);
+        normalise(&mut estimate.hypotheses, EVIDENCE_LOG_SD, |of| &mut of.probability);
+        estimate
     }
 }
 

@@ -33,19 +33,19 @@ pub use tracker::{ForceTracker, Found, SearchTask, TrackedHypothesis, TrackerSta
 
 use read_force::{Doubts, ReadForce};
 
-use super::end::{BELIEF, Reach};
+use super::end::{BELIEF, EndCovariance, Reach};
 use super::fit::{Around, Problem, Tried};
 use super::friction_along::FrictionAlong;
 use super::numbers::{MotionNumbers, NUMBERED_LEADS, NumberedMinimum, Unknown};
 use super::part_errors::PartErrors;
 use super::path::{Course, CourseStart, Guess, Resolution};
-use super::samples::samples_of;
+use super::samples::{EVIDENCE_LOG_SD, samples_of};
 use super::windowed_force::place_covariance;
 use super::{GATE, WALKED_MAX, is_one_place, is_possible, leads, leads_of_edges, misfit_limit, search, symmetry};
 use crate::geometry::Pose;
 use crate::math::unscented::Gaussian;
 use crate::pushing::dynamics::{ContactMode, FingerShape, Part, State};
-use crate::pushing::estimation::hypotheses::{self, apart_squared, valleys};
+use crate::pushing::estimation::hypotheses::{self, apart_squared, normalise, valleys};
 use crate::pushing::finger_motion::{FingerMotion, Leg};
 use crate::search::{Halt, Searched, Stop, never};
 
@@ -572,13 +572,12 @@ impl AtEnd {
 fn conclude(concluded: Vec<Concluded>, known: &KnownOfFinger, symmetry: usize) -> Vec<ForceHypothesis> {
     let found = listed(concluded).into_iter().map(|concluded| concluded.found);
     let found: Vec<_> = found.collect();
-    let alike = if known.has_numbers() { SAMPLED_ALIKE } else { 0.0 };
+    let (alike, evidence_log_sd) = if known.has_numbers() { (SAMPLED_ALIKE, EVIDENCE_LOG_SD) } else { (0.0, 0.0) };
     // Minima that overlap are of one valley: the likeliest stands for all of it.
     let valleys = valleys(found, ForceHypothesis::apart, |_, _| false, |of| &mut of.probability);
     let found = valleys.into_iter().filter_map(|valley| ForceHypothesis::of_valley(&valley, alike));
     let mut hypotheses: Vec<_> = found.flat_map(|found| turned(found, known.part, symmetry)).collect();
-    let total: f64 = hypotheses.iter().map(|hypothesis| hypothesis.probability).sum();
-    hypotheses.iter_mut().for_each(|hypothesis| hypothesis.probability /= total);
+    normalise(&mut hypotheses, evidence_log_sd, |of| &mut of.probability);
     hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     hypotheses
 }
@@ -676,7 +675,7 @@ fn hypothesis(
         let force = path.forces_in_finger_time(felt.period()).at(time) * *mass;
         (Translation2::from(force * known.compliance) * pose).into()
     };
-    let mut covariance = problem.end_covariance(around, reach)?.motion;
+    let EndCovariance { motion: mut covariance, sampled_volume, .. } = problem.end_covariance(around, reach)?;
     let last = path.forces_in_finger_time(felt.period()).at(problem.course.duration) * *mass;
     covariance.fixed_view_mut::<2, 2>(0, 0).add_assign(&known.place_covariance(last));
     Some(ForceHypothesis {
@@ -694,7 +693,8 @@ fn hypothesis(
         effective_mass: known.effective_mass + known.effective_mass_sd * problem.taken_beside(tried),
         cost: cost + felt.before().0,
         degrees_of_freedom: degrees_of_freedom(problem, tried, known, felt),
-        probability: problem.evidence(around)?,
+        // Of the ellipsoid about a valley that bends a part is empty: between that and what slopes say is the geometric mean.
+        probability: problem.evidence(around)? * sampled_volume.sqrt(),
     })
 }
 
