@@ -11,6 +11,7 @@ use std::thread::Scope;
 use miette::IntoDiagnostic as _;
 use palpate::math::angle::wrap_angle;
 use palpate::pushing::dynamics::{ContactMode, Part};
+use palpate::pushing::estimation::Status;
 use palpate::pushing::estimation::from_rest::readings::{
     ForceTracker, Found, KnownOfFinger, MotionClock, PushFollower, SearchTask, TrackedHypothesis, TrackerState,
 };
@@ -23,7 +24,7 @@ use serde_json::{Value, json};
 use super::lacking;
 use super::observed_plot::{FollowedHistory, Heading};
 use super::plot::PlotArguments;
-use super::pose::{columns, deviation};
+use super::pose::{self, columns, deviation};
 use super::watched_push::{FeltPush, Ongoing, Watched, WatchedPushArguments, Watching, too_short};
 use crate::pictures::plot::Figure;
 use crate::recording::{self, Believed, Seen};
@@ -270,6 +271,7 @@ impl Follow<'_, '_, '_> {
             at: tracker.time(),
             state: tracker.state(),
             explanations: tracker.explanations(),
+            can_exclude_others: known.errors.is_none_or(|errors| errors.can_exclude_others()),
             hypotheses: self.follower.hypotheses(known),
             part: known.part,
         };
@@ -303,6 +305,8 @@ struct Told<'p> {
     state: TrackerState,
     /// Places that explain it and are not followed.
     explanations: usize,
+    /// Whether a single hypothesis is certain.
+    can_exclude_others: bool,
     hypotheses: Vec<TrackedHypothesis>,
     part: &'p Part,
 }
@@ -322,9 +326,9 @@ impl Told<'_> {
             TrackerState::CatchingUp => "catching_up",
             TrackerState::Following => "following",
         };
-        let status = ["none", "unique", "ambiguous"][self.hypotheses.len().max(self.explanations).min(2)];
+        let status = Status::of(self.hypotheses.len().max(self.explanations), self.can_exclude_others);
         let hypotheses: Vec<_> = self.hypotheses.iter().map(hypothesis_as_json).collect();
-        json!({"t": self.time, "state": state, "behind": self.behind(), "status": status, "hypotheses": hypotheses})
+        json!({"t": self.time, "state": state, "behind": self.behind(), "status": pose::status(status), "hypotheses": hypotheses})
     }
 
     /// For a person.

@@ -169,6 +169,11 @@ pub(super) fn in_words(part: &Part, estimate: &Estimate) -> String {
     let mut words = match estimate.status() {
         Status::Unexplained => "No pose of this part explains what was felt.".to_owned(),
         Status::Unique => "One pose explains what was felt.".to_owned(),
+        Status::Ambiguous if estimate.hypotheses.len() == 1 => {
+            "One pose was found that explains what was felt, but another may, too: \
+             nobody told how the part presses on the plane."
+                .to_owned()
+        }
         Status::Ambiguous if estimate.hypotheses[0].probability >= NEARLY_CERTAIN => format!(
             "One pose explains what was felt far best; {} more cannot be excluded, with a probability of {:.1e} together.",
             estimate.hypotheses.len() - 1,
@@ -266,16 +271,20 @@ fn apart(part: &Part, estimate: &Estimate) -> String {
     )
 }
 
-/// An estimate for a program: SI, radians, the finger's axes.
-pub(super) fn as_json(estimate: &Estimate) -> Value {
-    let status = match estimate.status() {
+/// For a program, as `palpate solve` has it.
+pub(super) fn status(status: Status) -> &'static str {
+    match status {
         Status::Unique => "unique",
         Status::Ambiguous => "ambiguous",
         Status::Unexplained => "none",
-    };
+    }
+}
+
+/// An estimate for a program: SI, radians, the finger's axes.
+pub(super) fn as_json(estimate: &Estimate) -> Value {
     json!({
         "t": estimate.time_end,
-        "status": status,
+        "status": status(estimate.status()),
         "symmetry": estimate.symmetry,
         "cost": estimate.fit.cost,
         "cost_max": estimate.fit.cost_max,
@@ -388,6 +397,16 @@ mod tests {
         );
         let said = in_words(&part(), &estimate(vec![hypothesis(0.6, 0.2), hypothesis(0.4, 0.2)]));
         assert!(said.starts_with("2 poses explain"), "{said}");
+    }
+
+    #[test]
+    fn a_pose_beside_which_others_are_not_excluded_is_not_called_the_one() {
+        let one = estimate(vec![hypothesis(1.0, 0.2)]);
+        assert_eq!(as_json(&one)["status"], "unique");
+        let one = Estimate { can_exclude_others: false, ..one };
+        let said = in_words(&part(), &one).replace('\n', " ");
+        assert!(said.starts_with("One pose was found that explains what was felt, but another may, too"), "{said}");
+        assert_eq!(as_json(&one)["status"], "ambiguous");
     }
 
     #[test]

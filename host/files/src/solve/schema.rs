@@ -68,7 +68,7 @@ fn time_limit() -> Value {
 }
 
 fn complete() -> Value {
-    json!({"description": "There if the search was broken off: nothing is excluded by not being listed.", "const": false})
+    json!({"description": "There if the search was broken off, or cannot exclude others: nothing is excluded by not being listed.", "const": false})
 }
 
 /// The schemas of one kind.

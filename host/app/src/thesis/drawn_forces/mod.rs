@@ -177,11 +177,7 @@ fn judge(case: &Case) -> (JudgedCase, String) {
     let squared = |found: &ForceHypothesis| case.squared_error(found);
     let nearest = found.iter().filter(|found| is_true(found)).map(squared).min_by(f64::total_cmp);
     let followed = if case.path.is_some() { None } else { follow(&known, &case.readings, &case.beginning()) };
-    let status = match found.len() {
-        0 => Status::Unexplained,
-        1 => Status::Unique,
-        _ => Status::Ambiguous,
-    };
+    let status = Status::of(found.len(), errors.can_exclude_others());
     let least = found.iter().map(|found| found.cost).min_by(f64::total_cmp);
     let is_missed = followed.as_ref().is_some_and(|(from_truth, most)| {
         let most = least.map_or(*most, |least| least + GATE);

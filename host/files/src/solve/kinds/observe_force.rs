@@ -404,6 +404,8 @@ impl Problem for ObserveForce {
         if !complete && found.is_empty() {
             return Err(SolveError::Stopped);
         }
+        // That nothing explains it is said of all there is to search.
+        let complete = complete && (found.is_empty() || errors.can_exclude_others());
         let status = match found.len() {
             _ if !complete => ObserveForceStatus::Ambiguous,
             0 => ObserveForceStatus::Unexplained,
@@ -692,6 +694,20 @@ mod tests {
             assert!(found.unobservable && found.covariance.is_none() && found.edge.is_none(), "{found:?}");
             assert!((0.0..std::f64::consts::PI).contains(&found.s0), "{found:?}");
         }
+    }
+
+    #[test]
+    fn on_an_unknown_pressure_no_answer_is_certain() {
+        let known = read::<ObserveForce>(problem()).unwrap().solve_until(&never).unwrap();
+        assert!(known.complete && !known.found.hypotheses.is_empty(), "{known:?}");
+        let mut problem = problem();
+        problem["support"] = json!("unknown");
+        let unknown = read::<ObserveForce>(problem.clone()).unwrap().solve_until(&never).unwrap();
+        assert!(!unknown.complete && unknown.found.status == ObserveForceStatus::Ambiguous, "{unknown:?}");
+        // Ten newtons are no push of this part, however it presses on the plane.
+        problem["force"]["x"].as_array_mut().unwrap().iter_mut().for_each(|force| *force = json!(10.0));
+        let none = read::<ObserveForce>(problem).unwrap().solve_until(&never).unwrap();
+        assert!(none.complete && none.found.status == ObserveForceStatus::Unexplained, "{none:?}");
     }
 
     #[test]

@@ -91,6 +91,8 @@ pub trait Observer {
 pub struct Estimate {
     /// Everything that the data cannot exclude, most probable first; empty if they exclude all.
     pub hypotheses: Vec<Hypothesis>,
+    /// Whether what is not listed is excluded; otherwise a single hypothesis is not certain.
+    pub can_exclude_others: bool,
     /// How well the best one fits.
     pub fit: Fit,
     /// How many turns take the part to itself, where each hypothesis stands for as many poses; 1 where every pose is
@@ -131,12 +133,24 @@ pub struct Fit {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
-    /// One hypothesis explains the data.
+    /// One hypothesis explains the data, and no other does.
     Unique,
-    /// Several hypotheses explain the data.
+    /// Several hypotheses explain the data, or one does and others cannot be excluded.
     Ambiguous,
     /// Nothing explains the data.
     Unexplained,
+}
+
+impl Status {
+    /// Of so many hypotheses.
+    #[must_use]
+    pub fn of(hypotheses: usize, can_exclude_others: bool) -> Self {
+        match hypotheses {
+            0 => Self::Unexplained,
+            1 if can_exclude_others => Self::Unique,
+            _ => Self::Ambiguous,
+        }
+    }
 }
 
 /// One explanation of the data: a local minimum of the cost.
@@ -239,18 +253,22 @@ impl Estimate {
     /// An answer without hypotheses.
     #[must_use]
     pub fn unexplained(fit: Fit, time_end: f64) -> Self {
-        let hypotheses = Vec::new();
-        Self { hypotheses, fit, symmetry: 1, time_end, mu_g_log_sd: None, outliers: Vec::new(), simulations: 0 }
+        Self {
+            hypotheses: Vec::new(),
+            can_exclude_others: true,
+            fit,
+            symmetry: 1,
+            time_end,
+            mu_g_log_sd: None,
+            outliers: Vec::new(),
+            simulations: 0,
+        }
     }
 
     /// What kind of answer it is.
     #[must_use]
     pub fn status(&self) -> Status {
-        match self.hypotheses.len() {
-            0 => Status::Unexplained,
-            1 => Status::Unique,
-            _ => Status::Ambiguous,
-        }
+        Status::of(self.hypotheses.len(), self.can_exclude_others)
     }
 
     /// Whether the force tells µ m g but neither µ nor m, beyond what was known beforehand.

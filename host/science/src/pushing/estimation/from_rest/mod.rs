@@ -228,7 +228,7 @@ impl PartUnknown<'_, '_> {
         let problem = Problem { course: self.course, measured, mass: None };
         let mut estimate = conclude_of(&problem, found, |found| &found.tried, said, symmetry, halt);
         normalise(&mut estimate.hypotheses, EVIDENCE_LOG_SD, |of| &mut of.probability);
-        estimate
+        Estimate { can_exclude_others: self.errors.can_exclude_others(), ..estimate }
     }
 }
 
