@@ -6,6 +6,7 @@
 //! [[segment]]
 //! seconds = 0.3
 //! acceleration = [150, 0]         # mm/s², along the finger's axes
+//! rise_seconds = 0.02             # how long it takes from the one before, or from none (optional: 0, a step)
 //! [[segment]]
 //! seconds = 0.5
 //! acceleration = [0, 150]
@@ -15,7 +16,7 @@
 //! what to do.
 
 use nalgebra::Point2;
-use palpate::pushing::finger_motion::{FingerMotion, MotionError, Segment};
+use palpate::pushing::finger_motion::{FingerMotion, MotionError, RisingSegment, Segment};
 use serde::Deserialize;
 
 use crate::part::Unit;
@@ -40,7 +41,7 @@ struct Keys {
     #[serde(default)]
     start: [f64; 2],
     #[serde(default)]
-    segment: Vec<Segment>,
+    segment: Vec<RisingSegment>,
 }
 
 /// Reads the text of a motion file.
@@ -57,8 +58,8 @@ pub fn parse(text: &str) -> Result<FingerMotion, MotionFileError> {
     let keys: Keys = toml::from_str(text).map_err(|error| MotionFileError::Text(error.to_string()))?;
     let metres = keys.unit.metres();
     let segments = keys.segment.iter();
-    let segments = segments.map(|segment| Segment { acceleration: segment.acceleration * metres, ..*segment });
-    Ok(FingerMotion::new(Point2::from(keys.start) * metres, &segments.collect::<Vec<_>>())?)
+    let segments = segments.map(|segment| RisingSegment { acceleration: segment.acceleration * metres, ..*segment });
+    Ok(FingerMotion::rising(Point2::from(keys.start) * metres, &segments.collect::<Vec<_>>())?)
 }
 
 /// A motion as its file, in metres.
@@ -79,6 +80,8 @@ pub fn to_text(motion: &FingerMotion) -> String {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector2;
+
     use super::*;
 
     const TURN: &str = "unit = 'cm'\nstart = [1, 2]\n[[segment]]\nseconds = 0.5\nacceleration = [10, 0]\n\
@@ -94,11 +97,24 @@ mod tests {
     }
 
     #[test]
+    fn an_acceleration_may_rise() {
+        let motion = parse(&TURN.replace("seconds = 0.25", "seconds = 0.25\nrise_seconds = 0.05")).unwrap();
+        for (t, wanted) in [(0.4, [0.1, 0.0]), (0.5251, [0.05, -0.1]), (0.6, [0.0, -0.2])] {
+            /// Half of a step of the rise, m/s².
+            const STEP: f64 = 0.5 * 0.23 / 50.0;
+            let acceleration = motion.acceleration(t);
+            assert!((acceleration - Vector2::from(wanted)).norm() <= STEP, "{t} s: {acceleration}");
+        }
+        assert_eq!(parse(&to_text(&motion)).unwrap(), motion);
+    }
+
+    #[test]
     fn every_mistake_is_named_with_its_segment() {
         let bad = [
             (TURN.replace("0.25", "-1"), "segment 1: seconds = -1.0"),
             (TURN.replace("[0, -20]", "[0, nan]"), "segment 1: acceleration"),
             (TURN.replace("[10, 0]", "[0, 0]"), "segment 0 has no acceleration"),
+            (TURN.replace("seconds = 0.25", "seconds = 0.25\nrise_seconds = 0.3"), "segment 1: rise_seconds = 0.3"),
             (TURN.replace("[1, 2]", "[inf, 2]"), "start = [inf"),
             (TURN.replace("seconds = 0.5", "second = 0.5"), "unknown field `second`"),
             ("unit = 'mm'".to_owned(), "no segments"),

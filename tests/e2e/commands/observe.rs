@@ -61,8 +61,13 @@ pub(super) fn assert_names(picture: &Path, words: &[&str]) {
 
 /// The example part, pushed at its edge 3 as the example motion says; half a kilogram.
 pub(super) fn pushed() -> Played {
+    pushed_by(&std::fs::read_to_string(example("motion.toml")).unwrap())
+}
+
+/// The same as another motion file says.
+fn pushed_by(motion: &str) -> Played {
     let file = PolygonFile::parse(&std::fs::read_to_string(example("part.toml")).unwrap()).unwrap();
-    let motion = palpate_files::motion::parse(&std::fs::read_to_string(example("motion.toml")).unwrap()).unwrap();
+    let motion = palpate_files::motion::parse(motion).unwrap();
     let (part, mu_g) = (&file.part, file.mu * GRAVITY_ASSUMED);
     let world =
         PushedWorld { part, mu_g, mass: 0.5, mu_c: 0.25, radius: 0.015, motion: &motion, edge: 3, u: 0.3, s: -0.004 };
@@ -234,6 +239,33 @@ fn forces_from_a_file_and_a_motion_from_standard_input_name_the_pose() {
     writeln!(motion, "{{\"seconds\": 0.5, \"acceleration\": [0, 0.15]}}").unwrap();
     drop(motion);
     check(&last_answer(&child.wait_with_output().unwrap()), &played);
+}
+
+/// Accelerations that a robot reaches in 20 ms, told so, and told as steps.
+#[test]
+fn accelerations_that_rise_are_told_or_named_as_the_cause() {
+    let folder = tempfile::tempdir().unwrap();
+    let steps = std::fs::read_to_string(example("motion.toml")).unwrap();
+    let risen = steps.replace("[[segment]]", "[[segment]]\nrise_seconds = 0.02");
+    let (motion, table) = (folder.path().join("motion.toml"), folder.path().join("forces.csv"));
+    let played = pushed_by(&risen);
+    std::fs::write(&motion, &risen).unwrap();
+    std::fs::write(&table, forces(&played, 1.5, 0.003)).unwrap();
+    check(&last_answer(&observe(&["--json", "--motion"]).arg(&motion).arg(&table).output().unwrap()), &played);
+
+    let mut child = observe(&["--json", "--motion", "-"]).arg(&table).stdin(Stdio::piped()).spawn().unwrap();
+    let mut lines = child.stdin.take().unwrap();
+    writeln!(lines, "{{\"seconds\": 0.3, \"acceleration\": [0.15, 0], \"rise_seconds\": 0.02}}").unwrap();
+    writeln!(lines, "{{\"seconds\": 0.5, \"acceleration\": [0, 0.15], \"rise_seconds\": 0.02}}").unwrap();
+    drop(lines);
+    check(&last_answer(&child.wait_with_output().unwrap()), &played);
+
+    let part = std::fs::read_to_string(example("part.toml")).unwrap();
+    let said = told_wrong(&part, &std::fs::read_to_string(&table).unwrap(), &[]);
+    let rise = said.split_once("every acceleration is reached in ").and_then(|(_, rest)| rest.split_once(" ms"));
+    let rise: f64 = rise.unwrap_or_else(|| panic!("{said}")).0.parse().unwrap();
+    // What noise of 3 mN leaves open, ms.
+    assert!((rise - 20.0).abs() < 2.0, "{said}");
 }
 
 /// Rows left out are told with every answer, and what a sensor repeats is no force: exit status 3.

@@ -28,7 +28,7 @@ fn in_words(known: &KnownFromRest, misfit: &Misfit) -> String {
     }
     if misfit.mistakes.is_empty() {
         sentences.push(
-            "None of the usual mistakes explains it (signs, axes, radius, units, mu): is it this part, on this face, did \
+            "None of the usual mistakes explains it (signs, axes, ramps, radius, units, mu): is it this part, on this face, did \
              the finger move as stated, was it at rest before, did it touch one edge alone?"
                 .to_owned(),
         );
@@ -50,6 +50,11 @@ fn sentence(known: &KnownFromRest, mistake: &Mistake) -> String {
         Mistake::MirroredX => mirrored("the x of the motion, or of the force, reversed"),
         Mistake::MirroredY => mirrored("the y of the motion, or of the force, reversed"),
         Mistake::Swapped => mirrored("x and y of the motion, or of the force, exchanged"),
+        Mistake::Rise(rise) => format!(
+            "If every acceleration is reached in {:.1} ms, steadily, a pose fits (`rise_seconds` of each segment); they were told \
+             as steps.",
+            rise * 1e3
+        ),
         Mistake::Radius(radius) => format!(
             "With a finger of radius {:.2} mm a pose fits (--radius-mm): {:.2} mm was told.",
             radius * 1e3,
@@ -121,6 +126,7 @@ mod tests {
             (Mistake::Reversed, "not those on the part"),
             (Mistake::Turned { quarters: 3 }, "turned by 270°"),
             (Mistake::MirroredY, "the y of the motion"),
+            (Mistake::Rise(0.0204), "is reached in 20.4 ms, steadily, a pose fits (`rise_seconds` of each segment)"),
             (Mistake::Radius(0.0082), "radius 8.20 mm a pose fits (--radius-mm): 15.00 mm was told"),
             (unit(Lengths::OfPart, 1e-3), "the part's lengths 1000 times shorter"),
             (unit(Lengths::OfMotion, 25.4), "25.4 times as long a pose fits: check `unit` in the motion's file"),

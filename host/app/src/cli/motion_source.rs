@@ -5,7 +5,7 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use nalgebra::Point2;
-use palpate::pushing::finger_motion::{FingerMotion, Segment};
+use palpate::pushing::finger_motion::{FingerMotion, RisingSegment};
 use palpate_device::Session;
 use palpate_device::trace::Input;
 use palpate_files::motion::{self, MotionFileError};
@@ -129,12 +129,17 @@ impl MotionSource {
 /// Adds the segment of a line, of which the number is told too.
 fn add(motion: &mut Option<FingerMotion>, told: Result<(u64, String), String>) -> miette::Result<()> {
     let parsed = |(number, text): (u64, String)| {
-        serde_json::from_str::<Segment>(&text).map_err(|error| format!("line {number}: {error}"))
+        let segment =
+            serde_json::from_str::<RisingSegment>(&text).map_err(|error| format!("line {number}: {error}"))?;
+        Ok((number, segment))
     };
     let segment = told.and_then(parsed).map_err(MotionFileError::Text);
-    let added = segment.and_then(|segment| match motion {
-        Some(motion) => Ok(motion.append(segment)?),
-        None => Ok(FingerMotion::new(Point2::origin(), &[segment]).map(|first| *motion = Some(first))?),
+    let added = segment.and_then(|(number, segment)| match motion {
+        // Of lines the first is 1, of segments 0.
+        Some(motion) => {
+            Ok(motion.append_rising(usize::try_from(number).unwrap_or(usize::MAX).saturating_sub(1), segment)?)
+        }
+        None => Ok(FingerMotion::rising(Point2::origin(), &[segment]).map(|first| *motion = Some(first))?),
     });
     added.into_diagnostic().wrap_err("cannot use the finger's motion on standard input")
 }

@@ -32,6 +32,7 @@ The motion file is TOML; every length in it is in its `unit`:
   seconds = 0.3
   acceleration = [150, 0]  # mm/s² along the finger's axes, those of the force;
                            # with --mounting-deg along the robot's
+  rise_seconds = 0.02      # how long it takes from the one before (optional: 0)
 
 With --motion - segments are read from standard input as they come, one JSON object a line, in SI units:
   {\"seconds\": 0.3, \"acceleration\": [0.15, 0]}

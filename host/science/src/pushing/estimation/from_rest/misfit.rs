@@ -5,6 +5,7 @@
 //! order, up to the first kind of which one fits (units first, where the sizes told fit on no table):
 //! - axes: the force has the opposite sign (that on the part instead of that on the finger), or the axes of force and
 //!   motion are turned or mirrored against each other;
+//! - the rise of accelerations that were told as steps, up to the shortest segment;
 //! - the radius of the finger's disk: half, twice, or whatever about and between them fits best;
 //! - the unit of the part file's lengths, of the motion's, or of both, as far as what then results fits on a table;
 //! - µ of the plane: known far worse than was said.
@@ -53,6 +54,8 @@ pub enum Mistake {
     MirroredY,
     /// The x of one is the y of the other, or with both signs changed.
     Swapped,
+    /// Accelerations that were told as steps are each reached in so many seconds.
+    Rise(f64),
     /// The finger's disk has another radius, m.
     Radius(f64),
     /// Lengths are so many times what was told.
@@ -88,13 +91,16 @@ pub struct Misfit {
 /// How µ g is tried where nothing else explains the push: within a factor of two and a half, as one standard deviation.
 const MU_G_LOG_SD: f64 = 0.92;
 
+/// Rise times tried first, s: from a stiff robot that hardly limits its jerk to one that is never quite at an acceleration.
+const RISES_S: [f64; 8] = [1.5e-3, 3e-3, 6e-3, 0.012, 0.025, 0.05, 0.1, 0.2];
+
 /// Radii tried first, in shares of what was told: a diameter for a radius and the reverse, and somewhat more.
 const RADII: [f64; 9] = [0.4, 0.5, 0.62, 0.78, 0.9, 1.15, 1.45, 2.0, 2.5];
 
-/// Halvings of the distance between two radii: to some 1e-4 of it, where the force tells less.
-const RADIUS_STEPS: usize = 12;
+/// Golden sections of the distance between two radii or rises: to some 1e-3 of it, where the force tells less.
+const VALLEY_STEPS: usize = 12;
 
-/// A cost so many times the limit may come down to it with a better radius, or a finer search.
+/// A cost so many times the limit may come down to it with a better radius or rise.
 const NEARLY: f64 = 300.0;
 
 /// The units in which lengths are written: m, cm, mm and inches, m.
@@ -110,14 +116,15 @@ const TRAVEL_M: [f64; 2] = [2e-3, 1.0];
 #[must_use]
 pub fn misfit(known: &KnownFromRest, measured: &WindowedForce, stop: Stop<'_>) -> Searched<Misfit> {
     let halt = Halt::new(stop);
-    let kinds: [&dyn Fn() -> Vec<LikelyMistake>; 4] = [
+    let kinds: [&dyn Fn() -> Vec<LikelyMistake>; 5] = [
         &|| fitting(axes(known), known, measured, &halt),
+        &|| fitting(rises(known, measured, &halt), known, measured, &halt),
         &|| fitting(radii(known, measured, &halt), known, measured, &halt),
         &|| fitting(units(known), known, measured, &halt),
         &|| friction(known, measured, &halt),
     ];
     // What does not fit on a table is most likely told in the wrong unit.
-    let order = if is_of_a_table(known, 1.0, 1.0) { [0, 1, 2, 3] } else { [2, 0, 1, 3] };
+    let order = if is_of_a_table(known, 1.0, 1.0) { [0, 1, 2, 3, 4] } else { [3, 0, 1, 2, 4] };
     let wanted = order.into_iter().take_while(|_| !halt.is_wished());
     let mistakes = wanted.map(|kind| kinds[kind]()).find(|mistakes| !mistakes.is_empty()).unwrap_or_default();
     halt.searched(Misfit { onset_angle: onset_angle(known, measured), mistakes })
@@ -184,25 +191,42 @@ fn axes(known: &KnownFromRest) -> Vec<Tried> {
     tried.into_iter().filter_map(|(mistake, by)| Some(Tried::new(mistake, known, motion(by)?))).collect()
 }
 
-/// The radius that fits best, if one may: the valley's floor between the radii tried.
+/// The rise of every acceleration that fits best, if one may.
+fn rises(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt<'_>) -> Vec<Tried> {
+    let at = |rise: f64| Some(Tried::new(Mistake::Rise(rise), known, known.motion.with_rise(rise)?));
+    valley(&RISES_S, at, known, measured, halt).into_iter().collect()
+}
+
+/// The radius that fits best, if one may.
 fn radii(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt<'_>) -> Vec<Tried> {
-    let at = |radius: f64| Tried { radius, ..Tried::new(Mistake::Radius(radius), known, known.motion.clone()) };
+    let at = |radius: f64| Some(Tried { radius, ..Tried::new(Mistake::Radius(radius), known, known.motion.clone()) });
+    valley(&RADII.map(|share| share * known.radius), at, known, measured, halt).into_iter().collect()
+}
+
+/// The value of a number that fits best, if one may: the valley's floor between the values tried, which increase.
+fn valley(
+    values: &[f64],
+    at: impl Fn(f64) -> Option<Tried> + Sync,
+    known: &KnownFromRest,
+    measured: &WindowedForce,
+    halt: &Halt<'_>,
+) -> Option<Tried> {
     // In shares of the most that noise leaves: what is far has a cost of the beginning alone.
-    let cost = |radius: f64| {
-        let Fit { cost, cost_max, .. } = at(radius).fit(known, measured);
-        cost.map_or(f64::INFINITY, |cost| cost / cost_max)
+    let cost = |value: f64| {
+        let Fit { cost, cost_max, .. } = at(value)?.fit(known, measured);
+        cost.map(|cost| cost / cost_max)
     };
-    let cost_of = |share: f64| if halt.is_wished() { f64::INFINITY } else { cost(share * known.radius) };
-    let costs = halt.every(RADII.to_vec(), cost_of);
-    let Some(best) = (0..RADII.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])) else { return Vec::new() };
+    let cost = |value: f64| cost(value).unwrap_or(f64::INFINITY);
+    let cost_of = |value: f64| if halt.is_wished() { f64::INFINITY } else { cost(value) };
+    let costs = halt.every(values.to_vec(), cost_of);
+    let best = (0..values.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b]))?;
     if costs[best] > NEARLY {
-        return Vec::new();
+        return None;
     }
-    let share = |index: usize| RADII[index] * known.radius;
-    let (mut low, mut high) = (share(best.saturating_sub(1)), share((best + 1).min(RADII.len() - 1)));
-    let (mut middle, mut least) = (share(best), costs[best]);
-    for _ in 0..RADIUS_STEPS {
-        if least <= 1.0 || halt.is_wished() {
+    let (mut low, mut high) = (values[best.saturating_sub(1)], values[(best + 1).min(values.len() - 1)]);
+    let (mut middle, mut least) = (values[best], costs[best]);
+    for _ in 0..VALLEY_STEPS {
+        if halt.is_wished() {
             break;
         }
         // Into the wider side, by the golden section.
@@ -216,7 +240,7 @@ fn radii(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt<'_>) -> Ve
             (false, false) => high = next,
         }
     }
-    vec![at(middle)]
+    at(middle)
 }
 
 /// (3 − √5)/2.
@@ -385,6 +409,21 @@ mod tests {
         let turned = changed(&motion, &Matrix2::new(0.0, 1.0, -1.0, 0.0)).unwrap();
         let mistakes = found(&told(&part, &turned), &measured).mistakes;
         assert_eq!(mistakes[0].mistake, Mistake::Turned { quarters: 1 }, "{mistakes:?}");
+    }
+
+    /// Ramps of 20 ms, told as steps.
+    #[test]
+    fn accelerations_that_rise_are_named_with_how_long_they_do() {
+        /// Of 20 ms, s: what is told is tried again by whoever reads it, with what the robot's own numbers say.
+        const NEAR_S: f64 = 2e-3;
+        let (part, motion) = (part(), motion());
+        let risen = motion.with_rise(0.02).unwrap();
+        let measured = felt(&part, &risen);
+        let mistakes = found(&told(&part, &motion), &measured).mistakes;
+        let Mistake::Rise(rise) = mistakes[0].mistake else { panic!("{mistakes:?}") };
+        assert!((rise - 0.02).abs() < NEAR_S, "{rise}");
+        assert_ne!(estimate(&told(&part, &risen), &measured).status(), Status::Unexplained);
+        assert!(motion.with_rise(0.3).is_none());
     }
 
     #[test]
