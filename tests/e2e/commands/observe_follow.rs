@@ -11,11 +11,14 @@ use serde_json::Value;
 
 #[cfg(unix)]
 use crate::observe::observed_live;
-use crate::observe::{assert_fits_a_terminal, assert_names, example, forces, observe, pushed, text};
+use crate::observe::{assert_fits_a_terminal, assert_names, example, forces, observe, pushed, text, unfolded};
 
 /// Rest before the push, s, and noise of a value, N.
 const REST_S: f64 = 1.2;
 const FORCE_SD_N: f64 = 5e-3;
+
+/// A finger that is on its way meets the part then, s since the motion began.
+const MET_S: f64 = 0.15;
 
 /// What simulations, and means of them, are off by where an exact contact leaves a covariance singular: m, m, rad.
 const SLACK: [f64; 3] = [2e-5, 2e-5, 2e-4];
@@ -100,23 +103,26 @@ fn a_push_in_a_file_is_followed_from_reading_to_reading() {
     check(&answers(&told.stdout), &played);
 }
 
+/// Forces of a push of which nothing is felt before [`MET_S`].
+fn blanked(played: &Played, rest: f64, sd: f64) -> String {
+    forces(played, rest, sd).lines().fold(String::new(), |mut all, line| {
+        let mut draw = Draw::case(9, all.len());
+        match line.split(',').next().and_then(|t| t.trim().parse::<f64>().ok()) {
+            Some(t) if (rest..rest + MET_S).contains(&t) => {
+                writeln!(all, "{t:.6}, {:.6}, {:.6}", sd * draw.normal(), sd * draw.normal()).unwrap();
+            }
+            _ => writeln!(all, "{line}").unwrap(),
+        }
+        all
+    })
+}
+
 /// The recorded push from a while after it began: the finger's rest is there, the part moves when it is first felt.
 #[test]
 fn a_push_that_is_felt_from_its_middle_on_is_followed() {
     let (folder, played) = (tempfile::tempdir().unwrap(), pushed());
     let table = folder.path().join("forces.csv");
-    // What is felt before 0.15 s is blanked out.
-    let blanked: String = forces(&played, REST_S, FORCE_SD_N).lines().fold(String::new(), |mut all, line| {
-        let mut draw = Draw::case(9, all.len());
-        match line.split(',').next().and_then(|t| t.trim().parse::<f64>().ok()) {
-            Some(t) if (REST_S..REST_S + 0.15).contains(&t) => {
-                writeln!(all, "{t:.6}, {:.6}, {:.6}", FORCE_SD_N * draw.normal(), FORCE_SD_N * draw.normal()).unwrap();
-            }
-            _ => writeln!(all, "{line}").unwrap(),
-        }
-        all
-    });
-    std::fs::write(&table, blanked).unwrap();
+    std::fs::write(&table, blanked(&played, REST_S, FORCE_SD_N)).unwrap();
     let mut command = observe(&["--method", "follow", "--effective-mass-g", "0", "--json", "--motion-begins", "1.2"]);
     let output = command.arg("--motion").arg(example("motion.toml")).arg(&table).output().unwrap();
     let answers = answers(&output.stdout);
@@ -139,4 +145,47 @@ fn a_push_is_followed_live_over_a_terminal() {
     assert!(!following.is_empty(), "{}{}", text(&output.stdout), text(&output.stderr));
     let last = answers.last().unwrap();
     assert!(squared_error(last, &played) < chi_square_quantile(0.9999, 3), "{last}");
+}
+
+/// The robot tells on an input of the board that it moves, 0.15 s before force is felt.
+#[cfg(unix)]
+#[test]
+fn a_finger_that_is_on_its_way_is_followed_live() {
+    let (folder, played) = (tempfile::tempdir().unwrap(), pushed());
+    let (table, motion) = (folder.path().join("forces.csv"), example("motion.toml"));
+    std::fs::write(&table, blanked(&played, 0.0, 0.0)).unwrap();
+    let both = format!("{} {}", table.display(), motion.display());
+    let words = ["--method", "follow", "--motion-begins", "input:3"].map(Path::new);
+    let output = observed_live(folder.path(), &format!("{both} input 3"), &example("part.toml"), &motion, &words);
+    let answers = answers(&output.stdout);
+    // How many readings pass until a search is done is the machine's affair.
+    let following = answers.iter().filter(|answer| answer["state"] == "following").count();
+    assert!(following > 0, "{}{}", text(&output.stdout), text(&output.stderr));
+    assert!(answers.first().unwrap()["t"].as_f64().unwrap() > MET_S, "{:?}", answers.first());
+    assert!(squared_error(answers.last().unwrap(), &played) < chi_square_quantile(0.9999, 3), "{:?}", answers.last());
+
+    let silent = observed_live(folder.path(), &both, &example("part.toml"), &motion, &words);
+    assert_eq!(silent.status.code(), Some(1), "{}", text(&silent.stdout));
+    let said = unfolded(&text(&silent.stderr).replace('│', ""));
+    assert!(said.contains("input 3 has not told that the finger moves"), "{said}");
+}
+
+#[test]
+fn a_beginning_that_nobody_can_know_is_refused() {
+    let refused = |arguments: &[&str]| {
+        let mut command = observe(&["--motion-begins"]);
+        let output = command.args(arguments).arg("--motion").arg(example("motion.toml")).output().unwrap();
+        assert_ne!(output.status.code(), Some(0), "{arguments:?}");
+        unfolded(&text(&output.stderr))
+    };
+    let follow = ["--method", "follow"];
+    for (arguments, wanted) in [
+        (&["1.2", "forces.csv"][..], "say --method follow"),
+        (&["input:8", "forces.csv"], "inputs 0 to 7"),
+        (&["input:3", follow[0], follow[1], "forces.csv"], "a file of forces has no inputs"),
+        (&["1.2", follow[0], follow[1], "-d", "sim"], "--motion-begins input:N"),
+    ] {
+        let said = refused(arguments);
+        assert!(said.contains(wanted), "{arguments:?}: wanted {wanted}, got {said}");
+    }
 }

@@ -12,6 +12,7 @@ use miette::IntoDiagnostic as _;
 use palpate::math::angle::wrap_angle;
 use palpate::pushing::dynamics::{ContactMode, Part};
 use palpate::pushing::estimation::Status;
+use palpate::pushing::estimation::from_rest::onset::PushSense;
 use palpate::pushing::estimation::from_rest::readings::{
     ForceTracker, Found, KnownOfFinger, MotionClock, PushFollower, SearchTask, TrackedHypothesis, TrackerState,
 };
@@ -38,14 +39,31 @@ const SHOWN: usize = 3;
 /// mass.
 const WIDTHS: [usize; 12] = [5, 6, 5, 8, 8, 6, 8, 6, 7, 7, 8, 6];
 
+/// What tells when the finger's motion begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum MotionBegins {
+    /// Where force is first felt, finger and part being at rest in contact.
+    Felt,
+    /// At a time on the clock of what is felt.
+    At(MotionClock),
+    /// Where a digital input of the board, 0 to 7, changes; so well it is known, one standard deviation, s.
+    Input { input: usize, sd: f64 },
+}
+
+/// What is told of inputs comes no later than this after what is felt, s: both are sent at once, in blocks of samples.
+const INPUT_LATE_S: f64 = 0.1;
+
+/// An input is read with each sample: it changes half a period before, in the mean, s.
+const HALF_A_SAMPLE_S: f64 = 125e-6;
+
 /// What is printed of a push that is followed.
 pub(super) struct Following<'f> {
     pub(super) file: &'f PolygonFile,
     /// Print no more often than every so many seconds of the push.
     pub(super) every_s: f64,
     pub(super) json: bool,
-    /// When the finger's motion began, where it is told.
-    pub(super) clock: Option<MotionClock>,
+    /// When the finger's motion begins.
+    pub(super) begins: MotionBegins,
     /// Title of the picture, where one is asked for.
     pub(super) plot: Option<String>,
 }
@@ -93,7 +111,10 @@ impl Following<'_> {
         let (pushed, figure) = std::thread::scope(|scope| {
             let mut follow = Follow {
                 following: self,
-                follower: PushFollower::new(self.clock),
+                follower: PushFollower::new(match self.begins {
+                    MotionBegins::At(clock) => Some(clock),
+                    MotionBegins::Felt | MotionBegins::Input { .. } => None,
+                }),
                 scope,
                 pending: None,
                 told: VecDeque::new(),
@@ -133,6 +154,9 @@ where
                 self.follower.adopt(&known, found);
             }
         }
+        if !self.is_begun(ongoing)? {
+            return Ok(ControlFlow::Continue(()));
+        }
         while let Some(time) = self.follower.next(&known, ongoing.watch) {
             if let Some(task) = self.follower.search_due() {
                 let is_beside = ongoing.session.as_mut().is_some_and(|session| self.is_beside(session));
@@ -151,13 +175,33 @@ where
                 self.print(&known, time, ongoing);
             }
         }
-        let begun = self.following.clock.map(|clock| clock.begins).or(ongoing.watch.onset_time());
+        let begun = self.follower.clock().map(|clock| clock.begins).or(ongoing.watch.onset_time());
         let is_over = begun.is_some_and(|begun| ongoing.is_motion_over(begun));
         if !is_over {
             return Ok(ControlFlow::Continue(()));
         }
         self.conclude(&known, ongoing)?;
         Ok(ControlFlow::Break(()))
+    }
+
+    /// Whether it is known when the motion began; where an input tells it, that may be still to come.
+    fn is_begun(&mut self, ongoing: &Ongoing<'_>) -> miette::Result<bool> {
+        let MotionBegins::Input { input, sd } = self.following.begins else { return Ok(true) };
+        if self.follower.clock().is_some() {
+            return Ok(true);
+        }
+        if let Some(changed) = ongoing.inputs.first_change(input) {
+            self.follower.set_clock(MotionClock { begins: changed - HALF_A_SAMPLE_S, sd });
+            return Ok(true);
+        }
+        let now = ongoing.watch.sense().map_or(f64::NEG_INFINITY, PushSense::now);
+        match ongoing.watch.onset_time() {
+            Some(onset) if now > onset + INPUT_LATE_S => Err(miette::miette!(
+                help = "`palpate monitor` shows the inputs; without --motion-begins the motion begins where force is first felt",
+                "force was felt from {onset:.3} s of the device's time on, and input {input} has not told that the finger moves"
+            )),
+            _ => Ok(false),
+        }
     }
 
     /// The push is over: what is still searched is waited for.
@@ -194,7 +238,7 @@ where
             several => format!("{} poses explain what was felt to the end.", several.len()),
         };
         let onset = sense.onset_time().unwrap_or(0.0);
-        let before_onset = self.following.clock.map_or(0.0, |clock| onset - clock.begins);
+        let before_onset = self.follower.clock().map_or(0.0, |clock| onset - clock.begins);
         let heading = Heading { title: title.clone(), words };
         let readings = (sense.readings(), before_onset);
         let part = (known.part, known.radius);

@@ -8,13 +8,14 @@ use palpate::pushing::estimation::from_rest::readings::MotionClock;
 use palpate::pushing::estimation::from_rest::watch::PushAnswer;
 use palpate_files::part::PolygonFile;
 
-use super::follow::Following;
+use super::follow::{Following, MotionBegins};
 use super::measured_motion::{self, MeasuredMotionArguments};
 use super::observe_gho::{GhoArguments, GhoPush};
 use super::observe_slow::{self, SlowArguments, SlowObserving};
 use super::observed_plot::{self, Heading};
 use super::plot::PlotArguments;
 use super::read::{read, read_beside, tell_part};
+use super::switches::BOARD_INPUTS;
 use super::watched_push::{Ongoing, Watched, WatchedPushArguments, Watching, too_short};
 use super::{lacking, misfit, pose, positive};
 use crate::recording::{self, Believed, Seen};
@@ -93,10 +94,12 @@ pub(crate) struct Arguments {
     #[arg(long, value_enum)]
     method: Option<Method>,
 
-    /// When the finger's motion began, on the clock of the forces: then it may be on its way when it meets the part, and
-    /// mind another contact before [default: where force is first felt, finger and part being at rest in contact]
-    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = super::finite, requires = "forces")]
-    motion_begins: Option<f64>,
+    /// When the finger's motion began: S on the clock of a file of forces, or live input:N, where the board's digital input N
+    /// (0 to 7) changes after the tare, as by a robot's "moving" line. Then the finger may be on its way when it meets the
+    /// part, and mind another contact before; with --method follow [default: where force is first felt, finger and part
+    /// being at rest in contact]
+    #[arg(long, value_name = "S|input:N", allow_negative_numbers = true, value_parser = BeginsArgument::parse)]
+    motion_begins: Option<BeginsArgument>,
 
     /// How well that is known, one standard deviation
     #[arg(long, value_name = "MS", value_parser = super::not_negative, allow_negative_numbers = true)]
@@ -122,6 +125,23 @@ pub(crate) struct Arguments {
 
     #[command(flatten)]
     slow: SlowArguments,
+}
+
+/// What tells that the finger's motion begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum BeginsArgument {
+    /// On the clock of the forces, s.
+    At(f64),
+    /// A digital input of the board.
+    Input(usize),
+}
+
+impl BeginsArgument {
+    fn parse(text: &str) -> Result<Self, String> {
+        let Some(input) = text.strip_prefix("input:") else { return super::finite(text).map(Self::At) };
+        let input = input.parse().ok().filter(|input| *input < BOARD_INPUTS);
+        input.map(Self::Input).ok_or_else(|| format!("a board has inputs 0 to {}, as in input:0", BOARD_INPUTS - 1))
+    }
 }
 
 /// How a push is observed.
@@ -160,6 +180,10 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         arguments.push.felt.check_disk()?;
         read_beside(&arguments.part, PolygonFile::parse_beside)?
     };
+    if arguments.motion_begins.is_some() && method != Method::Follow {
+        let help = "say --method follow, or leave --motion-begins out";
+        return Err(miette::miette!(help = help, "a finger that is on its way when it meets the part is followed"));
+    }
     if arguments.slow.is_given() && method != Method::Slow {
         let help = "say --method slow, or leave --near, --near-within, --next, --belief, --mass-g, --height-mm, --beyond-mm and --seed out";
         return Err(miette::miette!(help = help, "slow pushes are told about, and not asked for"));
@@ -195,10 +219,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let every_s = arguments.every.unwrap_or(EVERY_S);
     if method == Method::Follow {
         let every_s = if arguments.json { arguments.every.unwrap_or(0.0) } else { every_s };
-        let sd = arguments.motion_begins_sigma_ms * 1e-3;
-        let clock = arguments.motion_begins.map(|begins| MotionClock { begins, sd });
+        let begins = arguments.begins()?;
         let plot = arguments.plot.is_asked().then(|| arguments.title());
-        let following = Following { file: &file, every_s, json: arguments.json, clock, plot };
+        let following = Following { file: &file, every_s, json: arguments.json, begins, plot };
         return following.run(&arguments.push, motion, &arguments.plot);
     }
     if method == Method::Gho {
@@ -238,6 +261,25 @@ impl Arguments {
     /// Whether the finger's motion comes through standard input, which may be a person's keyboard.
     pub(super) fn reads_keyboard(&self) -> bool {
         self.motion.as_deref() == Some(Path::new("-"))
+    }
+
+    /// When the motion begins of a push that is followed.
+    fn begins(&self) -> miette::Result<MotionBegins> {
+        let sd = self.motion_begins_sigma_ms * 1e-3;
+        match (self.motion_begins, &self.push.forces) {
+            (None, _) => Ok(MotionBegins::Felt),
+            (Some(BeginsArgument::At(begins)), Some(_)) => Ok(MotionBegins::At(MotionClock { begins, sd })),
+            (Some(BeginsArgument::Input(input)), None) => Ok(MotionBegins::Input { input, sd }),
+            (Some(BeginsArgument::At(_)), None) => Err(miette::miette!(
+                help =
+                    "let the robot raise a line on one of the board's digital inputs, and say --motion-begins input:N",
+                "a live finger's clock begins when its board does: nobody knows then when a motion will begin"
+            )),
+            (Some(BeginsArgument::Input(_)), Some(_)) => Err(miette::miette!(
+                help = "say --motion-begins S, on the clock of the forces",
+                "a file of forces has no inputs"
+            )),
+        }
     }
 
     /// The method for a finger that goes as fast as this one, told with its reason.

@@ -112,9 +112,10 @@ const ORDERS: &str = "\
 press ANGLE FORCE [MU]   press at ANGLE degrees with FORCE newtons, on the edge of the friction cone MU
 sweep FROM TO SECONDS FORCE   move a contact round the disk, angles in degrees
 force X Y                push with this force on the disk, in newtons
-play FILE [MOTION]       push with the forces in a table of t, Fx, Fy: on the
-                         disk, in newtons; the clamp moves as a motion file
-                         says meanwhile, or rests
+play FILE [MOTION [input N]]   push with the forces in a table of t, Fx, Fy: on
+                         the disk, in newtons; the clamp moves as a motion
+                         file says meanwhile, or rests; input N is high then,
+                         as by a robot that tells so
 carry MOTION             move the clamp as a motion file says, in the air
 release                  let go
 wait SECONDS             read the next order after so much of the device's time
@@ -326,8 +327,24 @@ fn sweep(from_deg: &str, to_deg: &str, seconds: &str, newtons: &str) -> Result<L
 /// Time between forces that are played, s: one conversion.
 const PLAY_STEP_S: f64 = 250e-6;
 
-/// A file of forces, and perhaps one of a motion. A path may hold blanks: what is a file as a whole is one.
+/// A file of forces, and perhaps one of a motion, and an input that tells of it.
 fn played(words: &str) -> Result<CarriedCourse, String> {
+    let told = words.rsplit_once(char::is_whitespace).and_then(|(before, input)| {
+        let (files, word) = before.trim_end().rsplit_once(char::is_whitespace)?;
+        (word == "input").then(|| (files.trim_end(), input))
+    });
+    let Some((files, input)) = told else { return played_files(words) };
+    let input = input.parse().ok().filter(|input| *input < BOARD_INPUTS);
+    let input =
+        input.ok_or_else(|| format!("a board has inputs 0 to {}: `{words}` names another", BOARD_INPUTS - 1))?;
+    Ok(played_files(files)?.with_moving_input(input))
+}
+
+/// The board's digital inputs.
+const BOARD_INPUTS: u8 = 8;
+
+/// A file of forces, and perhaps one of a motion. A path may hold blanks: what is a file as a whole is one.
+fn played_files(words: &str) -> Result<CarriedCourse, String> {
     let both = words.rsplit_once(char::is_whitespace).filter(|_| !Path::new(words).exists());
     let (forces, motion) = match both {
         Some((forces, motion)) => (forces.trim_end(), Some(clamp_motion(motion)?)),
@@ -642,6 +659,7 @@ mod tests {
             ("wait 1e30", "4000"),
             ("force nan 0", "nan"),
             ("play /nowhere/forces.csv", "/nowhere/forces.csv"),
+            ("play /nowhere/forces.csv /nowhere/motion.toml input 8", "inputs 0 to 7"),
             ("dance", "dance"),
         ] {
             let complaint = Order::parse(line).unwrap_err();

@@ -18,6 +18,7 @@ use palpate::pushing::estimation::from_rest::watch::{PushAnswer, PushWatch, Reco
 use palpate::pushing::estimation::from_rest::{CarriedFinger, KnownFromRest, WindowedForce};
 use palpate::pushing::finger_motion::FingerMotion;
 use palpate_device::Session;
+use palpate_device::session::{Incoming, InputLevels};
 use palpate_files::calibration::carried::ComplianceRecord;
 use palpate_files::calibration::file::CalibrationFile;
 use palpate_files::part::PolygonFile;
@@ -26,6 +27,7 @@ use super::calibrated::FingerArguments;
 use super::kept_push::KeptPush;
 use super::motion_source::MotionSource;
 use super::semi_axes::SemiAxes;
+use super::switches::BOARD_INPUTS;
 use super::told_tables::TableArguments;
 use super::{lacking, positive};
 use crate::advice::{self, Advise as _};
@@ -379,6 +381,29 @@ pub(super) struct WatchedPush {
     felt: FeltPush,
 }
 
+/// When a board's digital inputs first changed while a push was awaited, s on the clock of what is felt.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct InputsSeen {
+    levels: Option<u8>,
+    first: [Option<f64>; BOARD_INPUTS],
+}
+
+impl InputsSeen {
+    /// Takes what a board tells; what changes before the tare is taken counts for nothing.
+    fn take(&mut self, inputs: &InputLevels, counts: bool) {
+        let changed = self.levels.replace(inputs.levels).map_or(0, |before| before ^ inputs.levels);
+        let changed = |input: &usize| counts && changed >> input & 1 == 1;
+        for input in (0..BOARD_INPUTS).filter(changed) {
+            self.first[input].get_or_insert(inputs.time_us as f64 * 1e-6);
+        }
+    }
+
+    /// Of an input, 0 to 7.
+    pub(super) fn first_change(&self, input: usize) -> Option<f64> {
+        self.first.get(input).copied().flatten()
+    }
+}
+
 /// A push while it goes on.
 pub(super) struct Ongoing<'w> {
     pub(super) watch: &'w mut PushWatch,
@@ -388,6 +413,8 @@ pub(super) struct Ongoing<'w> {
     is_told_to_its_end: bool,
     /// Of the device; none where it is a file of forces.
     pub(super) session: Option<&'w mut Session>,
+    /// Of its board.
+    pub(super) inputs: InputsSeen,
 }
 
 impl Ongoing<'_> {
@@ -490,9 +517,13 @@ impl WatchedPushArguments {
         let mut watch = self.felt.watch(settings.every_s, &calibration, is_checked.then_some(front_end));
         let mut judge = CountsJudge::new(&calibration);
         let mut failed = None;
+        let mut inputs = InputsSeen::default();
         recording::tared(calibration.unit().symbol(), None);
-        let mut take = |watch: &mut PushWatch, session: &mut Session, judged: Vec<Judged>| {
+        let mut take = |watch: &mut PushWatch, session: &mut Session, incoming: &Incoming, judged: Vec<Judged>| {
             let was_resting = watch.sense().is_none();
+            if let Incoming::Inputs(levels) = incoming {
+                inputs.take(levels, !was_resting);
+            }
             if let Some(kept) = &mut kept {
                 kept.take(&judged, was_resting, watch.onset_time().is_some());
             }
@@ -510,11 +541,12 @@ impl WatchedPushArguments {
                 motion: known,
                 is_told_to_its_end: motion.is_complete(),
                 session: Some(session),
+                inputs,
             })
         };
         let watched = live::judged(&mut session, &mut judge, |session, incoming, judged| {
             super::tell(incoming);
-            let taken = take(&mut watch, session, judged);
+            let taken = take(&mut watch, session, incoming, judged);
             let goes_on = matches!(taken, Ok(ControlFlow::Continue(())));
             failed = taken.err();
             goes_on
@@ -555,7 +587,9 @@ fn watch_recording(
     }
     for item in &judged[from..] {
         watch.take([*item]).map_err(not_at_rest)?;
-        if look(&mut Ongoing { watch: &mut watch, felt, motion, is_told_to_its_end: true, session: None })?.is_break() {
+        let (is_told_to_its_end, inputs) = (true, InputsSeen::default());
+        let mut ongoing = Ongoing { watch: &mut watch, felt, motion, is_told_to_its_end, session: None, inputs };
+        if look(&mut ongoing)?.is_break() {
             break;
         }
     }

@@ -365,6 +365,8 @@ impl<const CHANNELS: usize> Board<'_, CHANNELS> {
             }
             Control::Course(course, sender) => {
                 front_end.set_load(Load::Released);
+                let levels = course.levels(front_end.inputs(), true);
+                front_end.set_inputs(levels);
                 self.course = Some((course, front_end.truth().time_ns));
                 sender
             }
@@ -518,6 +520,8 @@ impl<const CHANNELS: usize> Board<'_, CHANNELS> {
         let at = |now_ns: u64| course.at((now_ns - began_ns) as f64 * 1e-9);
         let data_ready = front_end.step_carried(self.finger, |now_ns| at(now_ns).unwrap_or_default());
         if at(front_end.truth().time_ns).is_none() {
+            let levels = course.levels(front_end.inputs(), false);
+            front_end.set_inputs(levels);
             self.course = None;
         }
         data_ready

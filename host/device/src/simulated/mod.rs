@@ -125,6 +125,7 @@ pub struct InjectedOnLink {
 pub struct CarriedCourse {
     step_s: f64,
     carriages: Vec<Carriage>,
+    moving_input: Option<u8>,
 }
 
 impl CarriedCourse {
@@ -132,7 +133,19 @@ impl CarriedCourse {
     /// before.
     #[must_use]
     pub fn new(step_s: f64, carriages: Vec<Carriage>) -> Self {
-        Self { step_s, carriages }
+        Self { step_s, carriages, moving_input: None }
+    }
+
+    /// The same with a digital input of the board, 0 to 7, that is high meanwhile: the line by which a robot tells that it moves.
+    #[must_use]
+    pub fn with_moving_input(self, input: u8) -> Self {
+        Self { moving_input: Some(input), ..self }
+    }
+
+    /// Levels of a board's inputs where they are these without it, while it goes on or when it is over.
+    fn levels(&self, levels: u8, goes_on: bool) -> u8 {
+        let bit = self.moving_input.and_then(|input| 1_u8.checked_shl(input.into())).unwrap_or(0);
+        if goes_on { levels | bit } else { levels & !bit }
     }
 
     /// What acts at a time since the course began, s; `None` once it is over.

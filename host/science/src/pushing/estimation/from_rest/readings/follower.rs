@@ -154,6 +154,17 @@ impl PushFollower {
         Self { clock, push: None }
     }
 
+    /// Tells when the motion began, of a push that is not felt yet.
+    pub fn set_clock(&mut self, clock: MotionClock) {
+        self.clock = Some(clock);
+    }
+
+    /// When the motion began, where that was told.
+    #[must_use]
+    pub fn clock(&self) -> Option<MotionClock> {
+        self.clock
+    }
+
     /// The same of what is known, with the noise of all readings until now.
     #[must_use]
     pub fn known<'p>(&self, known: &KnownOfFinger<'p>) -> KnownOfFinger<'p> {
