@@ -243,11 +243,8 @@ impl FingerMotion {
         }
         let before = self.segments.last().map_or_else(Vector2::zeros, |last| last.acceleration);
         let steps = (rise_seconds / RISE_STEP_S).ceil();
-        if steps > SEGMENTS_MAX as f64 {
-            return Err(MotionError::TooMany { count: self.segments.len() + SEGMENTS_MAX + 1 });
-        }
-        for step in 0..steps as usize {
-            let share = (step as f64 + 0.5) / steps;
+        let shares = std::iter::successors(Some(0.5), |step| Some(step + 1.0)).take_while(|step| *step < steps);
+        for share in shares.map(|step| step / steps) {
             self.append(Segment { seconds: rise_seconds / steps, acceleration: before.lerp(&acceleration, share) })?;
         }
         let rest = seconds - rise_seconds;
