@@ -1,7 +1,8 @@
 //! Following a push by force, 100 readings a second, mass and µ_c unknown. Run with `cargo bench --bench force_tracker`.
 //!
-//! The bars, of a reading that at most five hypotheses are taken to: 1 ms in the median, 10 ms of 99 in 100; one thread.
-//! Searches are made between readings, as another thread would.
+//! The bars, of a reading that at most five hypotheses are taken to: 1 ms in the median, 10 ms of 99 in 100; one thread. With
+//! more, what is told is never more than 0.2 s behind what is felt. Searches are made on another thread: what they find is
+//! there as long after they are begun as they take.
 
 #![allow(
     clippy::disallowed_types,
@@ -36,6 +37,8 @@ fn main() {
     let mut few = Vec::new();
     let mut many = Vec::new();
     let mut searches = Vec::new();
+    let mut waits: Vec<f64> = Vec::new();
+    let mut arrivals: Vec<f64> = Vec::new();
     for number in 0..PUSHES {
         let mut draw = Draw::case(9, number);
         let part = random_part(&mut draw);
@@ -44,21 +47,40 @@ fn main() {
         let mut tracker = ForceTracker::new(&known);
         let times =
             (1_u32..).map(|index| f64::from(index) / RATE_HZ).take_while(|time| *time < drawn.played.duration());
+        let (mut searching, mut wait, mut last) = (None, 0.0_f64, 0.0);
+        let mut arriving: Option<f64> = None;
         for time in times {
+            // What was not done when this reading came has it wait.
+            wait = (wait - (time - last)).max(0.0);
+            last = time;
+            if let Some((_, found)) = searching.take_if(|(done, _)| *done <= time) {
+                let begun = worked();
+                tracker.adopt(&known, found);
+                wait += worked() - begun;
+                arriving = Some(time);
+            }
             let noise = Vector2::new(draw.normal(), draw.normal()) * NOISE_N;
             let reading = ForceReading { time, force: drawn.played.force_finger(time) + noise };
             let begun = worked();
             tracker.take(&known, reading);
             let told = tracker.hypotheses(&known).len();
             let took = worked() - begun;
+            wait += took;
             if tracker.state() == TrackerState::Following {
-                if told <= FEW { few.push(took) } else { many.push(took) }
+                if told <= FEW {
+                    few.push(took)
+                } else {
+                    many.push(took)
+                }
+                waits.push(wait);
+                arrivals.extend(arriving.take().map(|since| time - since));
             }
             if let Some(task) = tracker.search_due() {
                 let begun = worked();
                 let found = task.run(&known, &never);
-                searches.push(worked() - begun);
-                tracker.adopt(&known, found);
+                let took = worked() - begun;
+                searches.push(took);
+                searching = Some((time + took, found));
             }
         }
     }
@@ -77,4 +99,13 @@ fn main() {
             most / yardstick,
         );
     }
+    let most = |times: &[f64]| times.iter().copied().fold(0.0, f64::max);
+    println!(
+        "behind: {:.3} s at the most of {} readings that are followed; from what a search finds to the last reading {:.2} s of \
+         readings at the most ({} times)",
+        most(&waits),
+        waits.len(),
+        most(&arrivals),
+        arrivals.len()
+    );
 }
