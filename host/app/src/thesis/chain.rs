@@ -12,11 +12,11 @@ use palpate::pushing::estimation::from_rest::trial::{
 };
 use palpate::pushing::estimation::from_rest::{self, CarriedFinger, KnownFromRest};
 use palpate::pushing::estimation::{Estimate, Status};
-use palpate_device::simulated::Line;
+use palpate_device::simulated::{CarriedCourse, Line};
 
 use super::cases::of_each;
 use super::{Cell, Experiment, Table, TableSettings};
-use crate::thesis::demonstration::{Rig, RigError, compliance_by_design, course};
+use crate::thesis::demonstration::{Rig, RigError, compliance_by_design, course, unmoved};
 use palpate::gravity::GRAVITY_ASSUMED;
 
 /// A part drawn for a case, and how it was pushed.
@@ -43,8 +43,19 @@ pub(super) fn felt(
     drawn: &Drawn,
     number: usize,
 ) -> Result<Estimate, String> {
+    felt_of(rig, course(&drawn.played, &ranges.motion), None, (ranges, part), number)
+}
+
+/// The same of what happens to the finger; `told` is what the host takes it for, where that is not what it found by waving it.
+fn felt_of(
+    rig: Result<Rig, RigError>,
+    course: CarriedCourse,
+    told: Option<CarriedFinger>,
+    (ranges, part): (&Ranges, &Part),
+    number: usize,
+) -> Result<Estimate, String> {
     let duration = ranges.motion.duration();
-    let felt = rig.and_then(|mut rig| Ok((rig.push(course(&drawn.played, &ranges.motion))?, rig.finger())));
+    let felt = rig.and_then(|mut rig| Ok((rig.push(course)?, told.unwrap_or_else(|| rig.finger()))));
     let (measured, finger) = felt.map_err(|error| format!("case {number}: {error}"))?;
     let measured =
         measured.sense.windowed_force(duration).ok_or_else(|| format!("case {number}: the push was not felt"))?;
@@ -81,18 +92,64 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
+/// What `palpate tables chain-worlds` runs.
+pub(super) const WORLDS: Experiment = Experiment {
+    name: "chain-worlds",
+    title: "the same pushes by a finger without mass that does not bend, and by one as it is",
+    cases: 300,
+    run: worlds,
+};
+
+/// The world that a push happens in, and what the host knows of its finger.
+struct World {
+    name: &'static str,
+    /// Whether the finger has mass and gives way.
+    is_carried: bool,
+    /// Whether the host knows that.
+    is_told: bool,
+}
+
+const WORLDS_TOLD: [World; 3] = [
+    World { name: "no mass, stiff", is_carried: false, is_told: true },
+    World { name: "as it is, taken for that", is_carried: true, is_told: false },
+    World { name: "as it is, and known", is_carried: true, is_told: true },
+];
+
+impl World {
+    fn case(&self, seed: u64, number: usize) -> Result<TrialOutcome, String> {
+        let compliance = if self.is_carried { compliance_by_design() } else { 0.0 };
+        let ranges = Ranges { compliance, ..Ranges::default() };
+        let (part, drawn) = drawn(&ranges, seed, number);
+        let rig = Rig::start(finger_seed(seed, number), 1.0, Line::Pipe);
+        let course = if self.is_carried { course(&drawn.played, &ranges.motion) } else { unmoved(&drawn.played) };
+        let told = if self.is_carried && self.is_told { None } else { Some(CarriedFinger::RIGID) };
+        let estimate = felt_of(rig, course, told, (&ranges, &part), number)?;
+        Ok(TrialOutcome::new(&part, &drawn, &estimate))
+    }
+}
+
+fn worlds(settings: &TableSettings) -> Table {
+    let mut table = Table::new(columns("finger"));
+    table.definitions = definitions();
+    table.definitions.push(
+        "The finger goes with a turn. no mass, stiff: what it feels of its own mass is not in the simulated world, and its tip does not give way. taken for that: the host knows of neither.".to_owned(),
+    );
+    for world in &WORLDS_TOLD {
+        let outcomes = of_each(settings.cases, |number| world.case(settings.seed, number));
+        add(&mut table, world.name, &outcomes);
+    }
+    table
+}
+
+/// Headings, the first of what rows are of.
+fn columns(first: &'static str) -> impl Iterator<Item = &'static str> {
+    let errors = ["median mm", "95 % mm", "median deg", "95 % deg", "nearest 95 % mm", "listed", "redrawn"];
+    [first, "cases"].into_iter().chain(STATUSES).chain(errors)
+}
+
 /// Draws, simulates and judges all cases.
 fn run(settings: &TableSettings) -> Table {
-    let columns = ["finger's path", "cases"].into_iter().chain(STATUSES);
-    let mut table = Table::new(columns.chain([
-        "median mm",
-        "95 % mm",
-        "median deg",
-        "95 % deg",
-        "nearest 95 % mm",
-        "listed",
-        "redrawn",
-    ]));
+    let mut table = Table::new(columns("finger's path"));
     table.definitions = definitions();
     let turning = Ranges { compliance: compliance_by_design(), ..Ranges::default() };
     let straight = Ranges { motion: straight_motion(), ..turning.clone() };

@@ -206,11 +206,21 @@ pub fn course(played: &Played, motion: &FingerMotion) -> CarriedCourse {
     carried(STEP_S, played.forces_evenly().into_iter(), motion)
 }
 
+/// The same for a device whose clamp rests: what the finger's own mass adds is not there.
+#[must_use]
+pub fn unmoved(played: &Played) -> CarriedCourse {
+    let at_rest = |force| Carriage { force: single(force), ..Carriage::default() };
+    CarriedCourse::new(STEP_S, played.forces_evenly().into_iter().map(at_rest).collect())
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "the simulation computes in single precision")]
+fn single(of: Vector2<f64>) -> [f32; 2] {
+    [of.x as f32, of.y as f32]
+}
+
 /// Forces on the disk (finger axes, N), each `step_s` after the one before, of a finger that is moved so.
 #[must_use]
 pub fn carried(step_s: f64, forces: impl Iterator<Item = Vector2<f64>>, motion: &FingerMotion) -> CarriedCourse {
-    #[expect(clippy::cast_possible_truncation, reason = "the simulation computes in single precision")]
-    let single = |of: Vector2<f64>| [of.x as f32, of.y as f32];
     let times = (0_u32..).map(|step| f64::from(step) * step_s);
     let carriage =
         |(t, force)| Carriage { force: single(force), acceleration: single(motion.acceleration(t + SAME_TIME_S)) };

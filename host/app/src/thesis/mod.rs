@@ -95,6 +95,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     drawn_forces::EXPERIMENT,
     drawn_forces::MODEL_ERROR,
     chain::EXPERIMENT,
+    chain::WORLDS,
     chain_masses::EXPERIMENT,
     plan::EXPERIMENT,
     carried::PLAN,
