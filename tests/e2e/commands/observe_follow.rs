@@ -161,6 +161,7 @@ fn a_finger_that_is_on_its_way_is_followed_live() {
     // How many readings pass until a search is done is the machine's affair.
     let following = answers.iter().filter(|answer| answer["state"] == "following").count();
     assert!(following > 0, "{}{}", text(&output.stdout), text(&output.stderr));
+    assert!(text(&output.stderr).contains("input 3: the finger moves from t = "), "{}", text(&output.stderr));
     assert!(answers.first().unwrap()["t"].as_f64().unwrap() > MET_S, "{:?}", answers.first());
     assert!(squared_error(answers.last().unwrap(), &played) < chi_square_quantile(0.9999, 3), "{:?}", answers.last());
 

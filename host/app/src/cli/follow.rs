@@ -12,7 +12,6 @@ use miette::IntoDiagnostic as _;
 use palpate::math::angle::wrap_angle;
 use palpate::pushing::dynamics::{ContactMode, Part};
 use palpate::pushing::estimation::Status;
-use palpate::pushing::estimation::from_rest::onset::PushSense;
 use palpate::pushing::estimation::from_rest::readings::{
     ForceTracker, Found, KnownOfFinger, MotionClock, PushFollower, SearchTask, TrackedHypothesis, TrackerState,
 };
@@ -52,9 +51,6 @@ pub(super) enum MotionBegins {
 
 /// What is told of inputs comes no later than this after what is felt, s: both are sent at once, in blocks of samples.
 const INPUT_LATE_S: f64 = 0.1;
-
-/// An input is read with each sample: it changes half a period before, in the mean, s.
-const HALF_A_SAMPLE_S: f64 = 125e-6;
 
 /// What is printed of a push that is followed.
 pub(super) struct Following<'f> {
@@ -190,13 +186,18 @@ where
         if self.follower.clock().is_some() {
             return Ok(true);
         }
+        let Some(sense) = ongoing.watch.sense() else { return Ok(false) };
         if let Some(changed) = ongoing.inputs.first_change(input) {
-            self.follower.set_clock(MotionClock { begins: changed - HALF_A_SAMPLE_S, sd });
+            // Inputs are read with each sample: in the mean it changed half a period before.
+            let begins = changed - 0.5 * sense.rest().period;
+            note!(
+                "input {input}: the finger moves from t = {begins:.6} s on (--motion-begins, for forces that are kept)"
+            );
+            self.follower.set_clock(MotionClock { begins, sd });
             return Ok(true);
         }
-        let now = ongoing.watch.sense().map_or(f64::NEG_INFINITY, PushSense::now);
-        match ongoing.watch.onset_time() {
-            Some(onset) if now > onset + INPUT_LATE_S => Err(miette::miette!(
+        match sense.onset_time() {
+            Some(onset) if sense.now() > onset + INPUT_LATE_S => Err(miette::miette!(
                 help = "`palpate monitor` shows the inputs; without --motion-begins the motion begins where force is first felt",
                 "force was felt from {onset:.3} s of the device's time on, and input {input} has not told that the finger moves"
             )),

@@ -20,6 +20,7 @@ use palpate_shared::sim::{
 };
 
 use super::read::lines_of_stdin;
+use super::switches::BOARD_INPUTS;
 use crate::advice::Advise as _;
 use crate::live::interrupt;
 use crate::thesis::demonstration::{carried, in_the_air};
@@ -334,14 +335,11 @@ fn played(words: &str) -> Result<CarriedCourse, String> {
         (word == "input").then(|| (files.trim_end(), input))
     });
     let Some((files, input)) = told else { return played_files(words) };
-    let input = input.parse().ok().filter(|input| *input < BOARD_INPUTS);
+    let input = input.parse::<u8>().ok().filter(|input| usize::from(*input) < BOARD_INPUTS);
     let input =
         input.ok_or_else(|| format!("a board has inputs 0 to {}: `{words}` names another", BOARD_INPUTS - 1))?;
     Ok(played_files(files)?.with_moving_input(input))
 }
-
-/// The board's digital inputs.
-const BOARD_INPUTS: u8 = 8;
 
 /// A file of forces, and perhaps one of a motion. A path may hold blanks: what is a file as a whole is one.
 fn played_files(words: &str) -> Result<CarriedCourse, String> {
