@@ -38,7 +38,7 @@ const PROCESSOR_S: &[(&str, f64)] = &[
     ("drawn-forces", 1600.0),
     ("model-error", 7500.0),
     ("chain", 2400.0),
-    ("chain-worlds", 1800.0),
+    ("chain-worlds", 900.0),
     // One case of each row was broken off at 66 s: 20 000 s at least.
     ("chain-masses", 30_000.0),
     ("plan", 170.0),

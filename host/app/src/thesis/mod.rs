@@ -11,7 +11,7 @@
 //!
 //! By chapter: `inscription` (2), `sampling` (3), `gho` and `initial_pose` (6), `static_contacts` (§6.4), `rolling`
 //! (7); beyond the thesis: `pose` and `plan` (`rivals` decides what is ambiguous), `parts`, `chain` (`demonstration`,
-//! many times) and `chain_masses`, `carried` (planning and telling parts apart through it), `drawn_pushes`, `drawn_rest` and `drawn_rolls` (is the search to blame?), `invariances`, `touches`, `touch`. `cases` runs
+//! many times, in the world as it is and in one without the finger's mass) and `chain_masses`, `carried` (planning and telling parts apart through it), `drawn_pushes`, `drawn_rest` and `drawn_rolls` (is the search to blame?), `invariances`, `touches`, `touch`. `cases` runs
 //! them on all processors, `progress` tells how far they are, `streamed` prints rows as they are done, `durations` has how long it takes, `processor_time` measures it, `judged` holds what answers state against the truth.
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
