@@ -16,14 +16,14 @@ use palpate_files::motion;
 use palpate_files::recordings::csv;
 use palpate_shared::front_ends::{FRONT_ENDS, FrontEndKind};
 use palpate_shared::sim::{
-    BridgesConfig, Carriage, CarriedConfig, Channels, ContactLoad, Faults, FingerConfig, FloatingBus, Load, MICROSTRAIN,
+    BridgesConfig, CarriedConfig, Channels, ContactLoad, Faults, FingerConfig, FloatingBus, Load, MICROSTRAIN,
 };
 
 use super::read::lines_of_stdin;
 use super::switches::BOARD_INPUTS;
 use crate::advice::Advise as _;
 use crate::live::interrupt;
-use crate::thesis::demonstration::{carried, in_the_air};
+use crate::thesis::demonstration::{carried, in_the_air, unmoved};
 
 /// Runs a finger without hardware: the firmware on a simulated front-end, behind a pseudo-terminal.
 ///
@@ -350,10 +350,7 @@ fn played_files(words: &str) -> Result<CarriedCourse, String> {
     };
     Ok(match motion {
         Some(motion) => carried(PLAY_STEP_S, forces_of(forces)?, &motion),
-        None => {
-            let at_rest = |force| Carriage { force, ..Carriage::default() };
-            CarriedCourse::new(PLAY_STEP_S, forces_of(forces)?.map(single).map(at_rest).collect())
-        }
+        None => unmoved(PLAY_STEP_S, forces_of(forces)?),
     })
 }
 
@@ -372,11 +369,6 @@ fn clamp_motion(path: &str) -> Result<FingerMotion, String> {
 
 /// Fastest that a clamp may speed up, in m/s²: its own inertia would then bend the beam as 10 N do.
 const ACCELERATION_MAX: f64 = 400.0;
-
-#[expect(clippy::cast_possible_truncation, reason = "the simulation computes in single precision")]
-fn single(force: Vector2<f64>) -> [f32; 2] {
-    [force.x as f32, force.y as f32]
-}
 
 /// Forces from a file, evenly spaced, from its first time on, N.
 fn forces_of(path: &str) -> Result<impl Iterator<Item = Vector2<f64>>, String> {

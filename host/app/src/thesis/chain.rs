@@ -12,6 +12,7 @@ use palpate::pushing::estimation::from_rest::trial::{
 };
 use palpate::pushing::estimation::from_rest::{self, CarriedFinger, KnownFromRest};
 use palpate::pushing::estimation::{Estimate, Status};
+use palpate::pushing::pushed_world::STEP_S;
 use palpate_device::simulated::{CarriedCourse, Line};
 
 use super::cases::of_each;
@@ -121,7 +122,11 @@ impl World {
         let ranges = Ranges { compliance, ..Ranges::default() };
         let (part, drawn) = drawn(&ranges, seed, number);
         let rig = Rig::start(finger_seed(seed, number), 1.0, Line::Pipe);
-        let course = if self.is_carried { course(&drawn.played, &ranges.motion) } else { unmoved(&drawn.played) };
+        let course = if self.is_carried {
+            course(&drawn.played, &ranges.motion)
+        } else {
+            unmoved(STEP_S, drawn.played.forces_evenly().into_iter())
+        };
         let told = if self.is_carried && self.is_told { None } else { Some(CarriedFinger::RIGID) };
         let estimate = felt_of(rig, course, told, (&ranges, &part), number)?;
         Ok(TrialOutcome::new(&part, &drawn, &estimate))

@@ -206,11 +206,12 @@ pub fn course(played: &Played, motion: &FingerMotion) -> CarriedCourse {
     carried(STEP_S, played.forces_evenly().into_iter(), motion)
 }
 
-/// The same for a device whose clamp rests: what the finger's own mass adds is not there.
+/// Forces on the disk (finger axes, N), each `step_s` after the one before, of a finger whose clamp rests: what its own mass adds is
+/// not there.
 #[must_use]
-pub fn unmoved(played: &Played) -> CarriedCourse {
+pub fn unmoved(step_s: f64, forces: impl Iterator<Item = Vector2<f64>>) -> CarriedCourse {
     let at_rest = |force| Carriage { force: single(force), ..Carriage::default() };
-    CarriedCourse::new(STEP_S, played.forces_evenly().into_iter().map(at_rest).collect())
+    CarriedCourse::new(step_s, forces.map(at_rest).collect())
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "the simulation computes in single precision")]
