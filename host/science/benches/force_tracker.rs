@@ -26,13 +26,17 @@ const PUSHES: usize = 12;
 /// Readings a second.
 const RATE_HZ: f64 = 100.0;
 
-/// Of a reading, each axis, N.
-const NOISE_N: f64 = 2e-3;
+/// Of a reading, each axis, N: of a good finger, and of one whose readings leave many poses open.
+const NOISES_N: [f64; 2] = [2e-3, 1e-2];
 
 /// Hypotheses up to which the bars hold.
 const FEW: usize = 5;
 
 fn main() {
+    NOISES_N.into_iter().for_each(follow);
+}
+
+fn follow(noise_sd: f64) {
     let ranges = Ranges::default();
     let mut few = Vec::new();
     let mut many = Vec::new();
@@ -43,7 +47,7 @@ fn main() {
         let mut draw = Draw::case(9, number);
         let part = random_part(&mut draw);
         let Some(drawn) = ranges.draw(&mut draw, &part) else { continue };
-        let known = KnownOfFinger::new(&part, ranges.mu * 9.81, RADIUS_M, &ranges.motion, NOISE_N);
+        let known = KnownOfFinger::new(&part, ranges.mu * 9.81, RADIUS_M, &ranges.motion, noise_sd);
         let mut tracker = ForceTracker::new(&known);
         let times =
             (1_u32..).map(|index| f64::from(index) / RATE_HZ).take_while(|time| *time < drawn.played.duration());
@@ -59,7 +63,7 @@ fn main() {
                 wait += worked() - begun;
                 arriving = Some(time);
             }
-            let noise = Vector2::new(draw.normal(), draw.normal()) * NOISE_N;
+            let noise = Vector2::new(draw.normal(), draw.normal()) * noise_sd;
             let reading = ForceReading { time, force: drawn.played.force_finger(time) + noise };
             let begun = worked();
             tracker.take(&known, reading);
@@ -87,7 +91,7 @@ fn main() {
     // A yardstick of some floating-point work.
     let mut sum = 0.0;
     let yardstick = best_of_runs(|| sum += (0..10_000_u32).map(|index| f64::from(index).sin()).sum::<f64>());
-    println!("{PUSHES} pushes; yardstick (10,000 sines) {:.3} ms; {sum:.0}", 1e3 * yardstick);
+    println!("{PUSHES} pushes, {} mN; yardstick (10,000 sines) {:.3} ms; {sum:.0}", 1e3 * noise_sd, 1e3 * yardstick);
     for (name, times) in [("at most five hypotheses", &mut few), ("more", &mut many), ("a search", &mut searches)] {
         let [median, most] = [50, 99].map(|share| percentile(times.iter().copied(), share).unwrap_or(f64::NAN));
         println!(

@@ -161,6 +161,12 @@ pub(super) fn observed_live(folder: &Path, played: &str, part: &Path, motion: &P
 /// What a command that watches a push says of forces that a simulated device plays once it is ready.
 #[cfg(unix)]
 pub(super) fn felt_live(folder: &Path, played: &str, words: &[&Path]) -> Output {
+    felt_live_beside(folder, played, words, Stdio::null())
+}
+
+/// The same with a standard input.
+#[cfg(unix)]
+pub(super) fn felt_live_beside(folder: &Path, played: &str, words: &[&Path], input: Stdio) -> Output {
     use std::io::{BufRead as _, BufReader};
 
     let calibrate = palpate(&["calibrate", "-d", &format!("sim:{SEED}"), "--load", "2 N", "--contacts", "6", "--out"])
@@ -179,13 +185,15 @@ pub(super) fn felt_live(folder: &Path, played: &str, words: &[&Path]) -> Output 
     let path = answers.next().unwrap().unwrap();
     let mut command = palpate(&[]);
     command.args(words).args(["-d", &path, "-c", calibration.trim()]);
-    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command.stdin(input).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut observer = command.spawn().unwrap();
     let mut told = BufReader::new(observer.stderr.take().unwrap()).lines().map_while(Result::ok);
-    let ready = told.find(|line| line.contains("ready"));
-    assert!(ready.is_some(), "it never got ready");
+    let mut said = Vec::new();
+    while !said.last().is_some_and(|line: &String| line.contains("ready")) {
+        said.push(told.next().unwrap_or_else(|| panic!("it never got ready: {said:?}")));
+    }
     // What else it says is read, or it would wait for that.
-    let rest = std::thread::spawn(move || told.collect::<Vec<_>>().join("\n"));
+    let rest = std::thread::spawn(move || said.into_iter().chain(told).collect::<Vec<_>>().join("\n"));
     writeln!(orders, "play {played}").unwrap();
     let mut output = observer.wait_with_output().unwrap();
     output.stderr = rest.join().unwrap().into_bytes();

@@ -11,10 +11,10 @@ use serde_json::Value;
 use crate::observe::{assert_fits_a_terminal, assert_names, example, forces, observe, pushed, text, unfolded};
 
 /// Rest before the push, s.
-const REST_S: f64 = 1.2;
+pub(crate) const REST_S: f64 = 1.2;
 
 /// Noise of the places, m, and of the forces, N.
-const PLACE_SD_M: f64 = 5e-6;
+pub(crate) const PLACE_SD_M: f64 = 5e-6;
 const FORCE_SD_N: f64 = 2e-3;
 
 /// What the path's clock is early, s.
@@ -28,7 +28,7 @@ const ROBOT_CLOCK_S: f64 = 4321.5;
 const ROUNDED_SDS: f64 = 0.14;
 
 /// Some hundred places a second at uneven times, from before the push to the end of its motion.
-fn places(noise: f64) -> String {
+pub(crate) fn places(noise: f64) -> String {
     let motion = std::fs::read_to_string(example("motion.toml")).unwrap();
     let motion = palpate_files::motion::parse(&motion).unwrap();
     let (mut draw, mut table, mut t) = (Draw::case(2, 0), "t [s], x [mm], y [mm]\n".to_owned(), 0.5);
@@ -176,5 +176,9 @@ fn a_path_that_cannot_be_used_is_named_with_the_reason() {
     let both = observe(&FINGER).args(["f.csv", "--path", "p.csv", "--motion", "m.toml"]).output().unwrap();
     assert_eq!(both.status.code(), Some(64), "{}", text(&both.stderr));
     let live = observe(&["--path", "p.csv"]).output().unwrap();
-    assert_eq!(live.status.code(), Some(64), "{}", text(&live.stderr));
+    let said = unfolded(&text(&live.stderr));
+    assert!(!live.status.success() && said.contains("say --method follow"), "{said}");
+    let gho = observe(&["--path", "p.csv", "--method", "gho", "f.csv"]).output().unwrap();
+    let said = unfolded(&text(&gho.stderr));
+    assert!(said.contains("the thesis's observers do not know measured places"), "{said}");
 }

@@ -2,7 +2,6 @@
 
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
-use std::path::Path;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -16,12 +15,14 @@ use palpate::pushing::estimation::from_rest::readings::{
     ForceTracker, Found, KnownOfFinger, MotionClock, PushFollower, SearchTask, TrackedHypothesis, TrackerState,
 };
 use palpate::pushing::finger_motion::FingerMotion;
+use palpate::pushing::streamed_path::StreamedPath;
 use palpate_device::Session;
 use palpate_device::trace::Input;
 use palpate_files::part::PolygonFile;
 use serde_json::{Value, json};
 
 use super::lacking;
+use super::motion_source::AskedMotion;
 use super::observed_plot::{FollowedHistory, Heading};
 use super::plot::PlotArguments;
 use super::pose::{self, columns, deviation};
@@ -47,6 +48,8 @@ pub(super) enum MotionBegins {
     At(MotionClock),
     /// Where a digital input of the board, 0 to 7, changes; so well it is known, one standard deviation, s.
     Input { input: usize, sd: f64 },
+    /// Where measured places show it, by a clock that shows this when that of what is felt shows 0; known so well, s.
+    Places { clock: f64, sd: f64 },
 }
 
 /// What is told of inputs comes no later than this after what is felt, s: both are sent at once, in blocks of samples.
@@ -99,7 +102,7 @@ impl Following<'_> {
     pub(super) fn run(
         &self,
         push: &WatchedPushArguments,
-        motion: &Path,
+        motion: AskedMotion<'_>,
         plot: &PlotArguments,
     ) -> miette::Result<ExitCode> {
         let stop = AtomicBool::new(false);
@@ -109,7 +112,7 @@ impl Following<'_> {
                 following: self,
                 follower: PushFollower::new(match self.begins {
                     MotionBegins::At(clock) => Some(clock),
-                    MotionBegins::Felt | MotionBegins::Input { .. } => None,
+                    MotionBegins::Felt | MotionBegins::Input { .. } | MotionBegins::Places { .. } => None,
                 }),
                 scope,
                 pending: None,
@@ -153,7 +156,7 @@ where
         if !self.is_begun(ongoing)? {
             return Ok(ControlFlow::Continue(()));
         }
-        while let Some(time) = self.follower.next(&known, ongoing.watch) {
+        while let Some(time) = self.follower.next(&known, ongoing.path, ongoing.watch) {
             if let Some(task) = self.follower.search_due() {
                 let is_beside = ongoing.session.as_mut().is_some_and(|session| self.is_beside(session));
                 match is_beside {
@@ -182,10 +185,18 @@ where
 
     /// Whether it is known when the motion began; where an input tells it, that may be still to come.
     fn is_begun(&mut self, ongoing: &Ongoing<'_>) -> miette::Result<bool> {
-        let MotionBegins::Input { input, sd } = self.following.begins else { return Ok(true) };
         if self.follower.clock().is_some() {
             return Ok(true);
         }
+        let (input, sd) = match self.following.begins {
+            MotionBegins::Felt | MotionBegins::At(_) => return Ok(true),
+            MotionBegins::Input { input, sd } => (input, sd),
+            MotionBegins::Places { clock, sd } => {
+                let begun = ongoing.path.and_then(StreamedPath::begun_at);
+                begun.into_iter().for_each(|begun| self.follower.set_clock(MotionClock { begins: begun - clock, sd }));
+                return Ok(begun.is_some());
+            }
+        };
         let Some(sense) = ongoing.watch.sense() else { return Ok(false) };
         if let Some(changed) = ongoing.inputs.first_change(input) {
             // Inputs are read with each sample: in the mean it changed half a period before.

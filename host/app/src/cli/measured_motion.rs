@@ -18,6 +18,8 @@ use palpate_files::recordings::path::RecordedPath;
 use palpate_files::solve::kinds::observe_force::{ForceHypothesisAnswer, OFFSETS_COVERED};
 use serde_json::{Value, json};
 
+use super::follow::MotionBegins;
+use super::motion_source::AskedMotion;
 use super::observed_plot::{self, Heading};
 use super::told_tables::TableArguments;
 use super::watched_push::{FeltPushArguments, not_at_rest, too_short, without_push};
@@ -31,24 +33,28 @@ use crate::width::folded;
 pub(super) struct MeasuredMotionArguments {
     /// Measured places of the finger instead of a motion: a table of t, x, y in s and m, and phi in rad where the wrist
     /// turns the disk about its centre and the sensor with it (or as its header says), along
-    /// the finger's axes (the robot's, with --mounting-deg), where the disk's centre is without force; 20 a second or more, at any times
-    #[arg(long, value_name = "PATH.csv", conflicts_with = "motion", requires = "forces")]
+    /// the finger's axes (the robot's, with --mounting-deg), where the disk's centre is without force; 20 a second or more, at
+    /// any times. With --method follow also - for rows from standard input as they are measured
+    #[arg(long, value_name = "PATH.csv", conflicts_with = "motion")]
     path: Option<PathBuf>,
 
     /// Standard deviation of one measured coordinate
     #[arg(long, value_name = "MM", value_parser = positive, default_value_t = 0.02, requires = "path")]
     path_sigma_mm: f64,
 
-    /// By how much the path's clock may be off against the forces', one standard deviation
-    #[arg(long, value_name = "MS", value_parser = not_negative, allow_negative_numbers = true)]
-    #[arg(default_value_t = 10.0, requires = "path")]
-    clock_offset_ms: f64,
+    /// By how much the path's clock may be off against the forces', one standard deviation [default: 10]
+    #[arg(long, value_name = "MS", value_parser = not_negative, allow_negative_numbers = true, requires = "path")]
+    clock_offset_ms: Option<f64>,
 
     /// What the path's clock shows when that of the forces shows 0: as a robot's pulse on a digital input tells
-    #[arg(long, value_name = "S", value_parser = finite, allow_negative_numbers = true)]
-    #[arg(default_value_t = 0.0, requires = "path")]
-    path_clock_s: f64,
+    /// [default: 0; with --method follow, unless one of these two is said, the motion begins where force is first felt, or
+    /// where --motion-begins says]
+    #[arg(long, value_name = "S", value_parser = finite, allow_negative_numbers = true, requires = "path")]
+    path_clock_s: Option<f64>,
 }
+
+/// What the clocks of robot and finger may be off where nothing is said of it, one standard deviation, ms.
+const CLOCK_OFFSET_MS: f64 = 10.0;
 
 impl MeasuredMotionArguments {
     /// The file of places, if there is one.
@@ -56,9 +62,35 @@ impl MeasuredMotionArguments {
         self.path.as_deref()
     }
 
+    /// The same for who takes places one by one.
+    pub(super) fn asked(&self) -> Option<AskedMotion<'_>> {
+        Some(AskedMotion::Measured { places: self.path()?, sigma: self.sigma() })
+    }
+
+    /// Of one coordinate, m.
+    fn sigma(&self) -> f64 {
+        self.path_sigma_mm * 1e-3
+    }
+
+    /// What the path's clock shows when that of the forces shows 0, s.
+    fn clock(&self) -> f64 {
+        self.path_clock_s.unwrap_or(0.0)
+    }
+
+    /// What it may be off, s.
+    fn clock_sd(&self) -> f64 {
+        self.clock_offset_ms.unwrap_or(CLOCK_OFFSET_MS) * 1e-3
+    }
+
+    /// How clocks are told to tell when the motion of the path begins, if they are.
+    pub(super) fn begins(&self) -> Option<MotionBegins> {
+        let is_told = self.path_clock_s.is_some() || self.clock_offset_ms.is_some();
+        is_told.then(|| MotionBegins::Places { clock: self.clock(), sd: self.clock_sd() })
+    }
+
     fn read(&self, path: &Path, tables: &TableArguments) -> miette::Result<(MeasuredPath, Option<MeasuredTurn>)> {
         let RecordedPath { mut times, places, angles, .. } = tables.places(path)?;
-        times.iter_mut().for_each(|time| *time -= self.path_clock_s);
+        times.iter_mut().for_each(|time| *time -= self.clock());
         if times.len() < PLACES_MIN {
             let help = "measure twenty places a second or more, from before the push to its end";
             return Err(miette::miette!(
@@ -73,7 +105,7 @@ impl MeasuredMotionArguments {
             MeasuredTurn::new(&times, &angles).into_diagnostic().wrap_err_with(named)
         });
         let turn = turn.transpose()?;
-        Ok((MeasuredPath { times, places, sigma: self.path_sigma_mm * 1e-3 }, turn))
+        Ok((MeasuredPath { times, places, sigma: self.sigma() }, turn))
     }
 }
 
@@ -121,7 +153,7 @@ pub(super) fn observe(
     if let Some(lost) = lost {
         note!("contact was lost at t = {lost:.3} s; what was felt until then counts");
     }
-    let clock_offset_sd = arguments.clock_offset_ms * 1e-3;
+    let clock_offset_sd = arguments.clock_sd();
     let all = readings.len();
     let readings = covered(readings, &measured, clock_offset_sd);
     if readings.len() < all {
@@ -131,7 +163,7 @@ pub(super) fn observe(
             all - readings.len(),
             measured.times[0],
             measured.times[measured.times.len() - 1],
-            OFFSETS_COVERED * arguments.clock_offset_ms
+            OFFSETS_COVERED * clock_offset_sd * 1e3
         );
     }
     let motion = FingerMotion::untold();

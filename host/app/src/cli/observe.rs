@@ -10,6 +10,7 @@ use palpate_files::part::PolygonFile;
 
 use super::follow::{Following, MotionBegins};
 use super::measured_motion::{self, MeasuredMotionArguments};
+use super::motion_source::AskedMotion;
 use super::observe_gho::{GhoArguments, GhoPush};
 use super::observe_slow::{self, SlowArguments, SlowObserving};
 use super::observed_plot::{self, Heading};
@@ -39,7 +40,9 @@ With --motion - segments are read from standard input as they come, one JSON obj
   {\"seconds\": 0.3, \"acceleration\": [0.15, 0]}
 
 Instead of a motion --path gives the disk's places as a robot measured them beside the forces, by a clock of its own: the
-push is then looked at as a whole, up to 1.2 s of it, and what places and clock leave open is part of the uncertainty.
+push is then looked at as a whole, up to 1.2 s of it, and what places and clock leave open is part of the uncertainty. With
+--method follow places may come while they are measured (--path - for rows from standard input, as in the file): what the
+finger did is then told a tenth of a second later.
 
 With --method gho the thesis's observers follow the contact angle, which is taken for the direction opposite to the force: for who
 wants to see chapter 5 run. They give no uncertainty, and say what they assume.
@@ -195,13 +198,25 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         return match (measured, &arguments.motion) {
             (Some(first), _) => observing.recorded(first, &arguments.push.tables, arguments.push.felt, &arguments.plot),
             (None, Some(motion)) => observing.watched(&arguments.push, motion, &arguments.plot),
-            (None, None) => unreachable!("a motion is required unless there is a path, which requires forces"),
+            (None, None) => Err(without_forces()),
         };
+    }
+    let every_s = arguments.every.unwrap_or(EVERY_S);
+    if method == Method::Follow {
+        let every_s = if arguments.json { arguments.every.unwrap_or(0.0) } else { every_s };
+        let begins = arguments.begins()?;
+        let plot = arguments.plot.is_asked().then(|| arguments.title());
+        let following = Following { file: &file, every_s, json: arguments.json, begins, plot };
+        let told = arguments.motion.as_deref().map(AskedMotion::Told);
+        let Some(motion) = told.or(arguments.measured.asked()) else {
+            unreachable!("a motion is required unless there is a path")
+        };
+        return following.run(&arguments.push, motion, &arguments.plot);
     }
     if let (Some(forces), Some(path)) = (&arguments.push.forces, arguments.measured.path()) {
         if method != Method::Search {
-            let help = "leave --method out, or tell the motion with --motion";
-            return Err(miette::miette!(help = help, "with --path a push is looked at as a whole"));
+            let help = "leave --method out, or say --method follow, or tell the motion with --motion";
+            return Err(miette::miette!(help = help, "the thesis's observers do not know measured places"));
         }
         let WatchedPushArguments { tables, felt, .. } = &arguments.push;
         let push = measured_motion::observe(&file, forces, path, &arguments.measured, tables, *felt)?;
@@ -213,17 +228,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         arguments.plot.draw(|| Ok(push.figure(&file, arguments.title())))?;
         return Ok(ExitCode::SUCCESS);
     }
-    let Some(motion) = &arguments.motion else {
-        unreachable!("required unless there is a path, which requires forces")
-    };
-    let every_s = arguments.every.unwrap_or(EVERY_S);
-    if method == Method::Follow {
-        let every_s = if arguments.json { arguments.every.unwrap_or(0.0) } else { every_s };
-        let begins = arguments.begins()?;
-        let plot = arguments.plot.is_asked().then(|| arguments.title());
-        let following = Following { file: &file, every_s, json: arguments.json, begins, plot };
-        return following.run(&arguments.push, motion, &arguments.plot);
-    }
+    let Some(motion) = &arguments.motion else { return Err(without_forces()) };
     if method == Method::Gho {
         let every_s = if arguments.json { arguments.every.unwrap_or(0.0) } else { every_s };
         let push = GhoPush { file: &file, arguments: arguments.gho, every_s, json: arguments.json };
@@ -231,7 +236,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     }
     let mut shown = Shown { json: arguments.json, file: &file, is_headed: false };
     let watching = Watching { every_s, watched: Watched::Push };
-    let mut push = arguments.push.watch(motion, watching, &mut |ongoing| {
+    let mut push = arguments.push.watch(AskedMotion::Told(motion), watching, &mut |ongoing| {
         let Ongoing { watch, felt, motion, .. } = ongoing;
         if watch.is_due(motion)
             && let Some(answer) = watch.look(&felt.known(&file, motion), &PATIENT)
@@ -260,14 +265,18 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
 impl Arguments {
     /// Whether the finger's motion comes through standard input, which may be a person's keyboard.
     pub(super) fn reads_keyboard(&self) -> bool {
-        self.motion.as_deref() == Some(Path::new("-"))
+        [self.motion.as_deref(), self.measured.path()].contains(&Some(Path::new("-")))
     }
 
     /// When the motion begins of a push that is followed.
     fn begins(&self) -> miette::Result<MotionBegins> {
         let sd = self.motion_begins_sigma_ms * 1e-3;
         match (self.motion_begins, &self.push.forces) {
-            (None, _) => Ok(MotionBegins::Felt),
+            (None, _) => Ok(self.measured.begins().unwrap_or(MotionBegins::Felt)),
+            (Some(_), _) if self.measured.begins().is_some() => Err(miette::miette!(
+                help = "say one of them",
+                "--path-clock-s and --clock-offset-ms tell when the motion began, and so does --motion-begins"
+            )),
             (Some(BeginsArgument::At(begins)), Some(_)) => Ok(MotionBegins::At(MotionClock { begins, sd })),
             (Some(BeginsArgument::Input(input)), None) => Ok(MotionBegins::Input { input, sd }),
             (Some(BeginsArgument::At(_)), None) => Err(miette::miette!(
@@ -285,6 +294,7 @@ impl Arguments {
     /// The method for a finger that goes as fast as this one, told with its reason.
     fn chosen(&self, file: &PolygonFile) -> miette::Result<Method> {
         let fastest = match (self.measured.path(), &self.motion) {
+            (Some(_), _) if self.push.forces.is_none() => return Ok(Method::Search),
             (Some(path), _) => match observe_slow::fastest_measured(&self.push.tables.places(path)?) {
                 Some(fastest) => fastest,
                 None => return Ok(Method::Search),
@@ -315,6 +325,14 @@ impl Arguments {
             None => format!("{part}, pushed"),
         }
     }
+}
+
+/// Where measured places have no file of forces beside them.
+fn without_forces() -> miette::Report {
+    miette::miette!(
+        help = "name a file of forces, or say --method follow, which takes places while they are measured",
+        "with --path a push is looked at as a whole, once it is over"
+    )
 }
 
 /// What was printed so far.

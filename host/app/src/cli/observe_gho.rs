@@ -15,6 +15,7 @@ use palpate::pushing::finger_motion::FingerMotion;
 use palpate_files::part::PolygonFile;
 use serde_json::{Value, json};
 
+use super::motion_source::AskedMotion;
 use super::observed_plot::{self, Heading};
 use super::plot::PlotArguments;
 use super::pose::columns;
@@ -194,7 +195,7 @@ impl GhoPush<'_> {
         };
         let watching = Watching { every_s: f64::INFINITY, watched: Watched::Push };
         let mut figure = None;
-        let pushed = push.watch(motion, watching, &mut |ongoing| {
+        let pushed = push.watch(AskedMotion::Told(motion), watching, &mut |ongoing| {
             following.look(ongoing);
             let is_over = ongoing.is_over();
             if is_over {

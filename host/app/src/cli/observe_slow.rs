@@ -25,6 +25,7 @@ use palpate_files::recordings::slow_pushes::{FirstTouch, first_touch, of_places,
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+use super::motion_source::AskedMotion;
 use super::plot::PlotArguments;
 use super::read::read;
 use super::told_tables::TableArguments;
@@ -222,7 +223,8 @@ impl SlowObserving<'_> {
         motion: &Path,
         plot: &PlotArguments,
     ) -> miette::Result<ExitCode> {
-        let watched = push.watch(motion, Watching::TO_ITS_END, &mut |ongoing| ongoing.until_over())?;
+        let watched =
+            push.watch(AskedMotion::Told(motion), Watching::TO_ITS_END, &mut |ongoing| ongoing.until_over())?;
         watched.was_felt()?;
         let motion = watched.motion();
         // Where contact was lost the rest of the way tells that as well, but a knock on the way back would not.

@@ -17,6 +17,7 @@ use palpate::pushing::estimation::from_rest::readings::KnownOfFinger;
 use palpate::pushing::estimation::from_rest::watch::{PushAnswer, PushWatch, RecordedWatch, WatchSettings};
 use palpate::pushing::estimation::from_rest::{CarriedFinger, KnownFromRest, WindowedForce};
 use palpate::pushing::finger_motion::FingerMotion;
+use palpate::pushing::streamed_path::StreamedPath;
 use palpate_device::Session;
 use palpate_device::session::{Incoming, InputLevels};
 use palpate_files::calibration::carried::ComplianceRecord;
@@ -25,7 +26,7 @@ use palpate_files::part::PolygonFile;
 
 use super::calibrated::FingerArguments;
 use super::kept_push::KeptPush;
-use super::motion_source::MotionSource;
+use super::motion_source::{AskedMotion, MotionSource};
 use super::semi_axes::SemiAxes;
 use super::switches::BOARD_INPUTS;
 use super::told_tables::TableArguments;
@@ -410,6 +411,8 @@ pub(super) struct Ongoing<'w> {
     pub(super) felt: FeltPush,
     /// As far as it is told.
     pub(super) motion: &'w FingerMotion,
+    /// The measured places that tell it, if such do.
+    pub(super) path: Option<&'w StreamedPath>,
     is_told_to_its_end: bool,
     /// Of the device; none where it is a file of forces.
     pub(super) session: Option<&'w mut Session>,
@@ -472,10 +475,15 @@ impl WatchedPushArguments {
         Self { felt: FeltPushArguments { mu_uncertainty, ..self.felt }, ..self.clone() }
     }
 
-    /// Watches a push, the finger moving as this file says, until `look` has seen enough.
-    pub(super) fn watch(&self, motion: &Path, watching: Watching, look: Look<'_>) -> miette::Result<WatchedPush> {
+    /// Watches a push, the finger moving as is told there, until `look` has seen enough.
+    pub(super) fn watch(
+        &self,
+        motion: AskedMotion<'_>,
+        watching: Watching,
+        look: Look<'_>,
+    ) -> miette::Result<WatchedPush> {
         let settings = WatchSettings { rest_s: self.felt.tare, every_s: watching.every_s };
-        let mut motion = MotionSource::open(motion, self.finger.device.is_recording())?;
+        let mut motion = MotionSource::open(motion, &self.tables, self.finger.device.is_recording())?;
         let (felt, watch) = match &self.forces {
             Some(path) => {
                 let felt = self.felt.with(None);
@@ -483,14 +491,15 @@ impl WatchedPushArguments {
                 let judged: Vec<_> =
                     judged_forces(path, &self.tables)?.into_iter().map(|it| it.mounted(self.felt.mounting())).collect();
                 motion.read_all()?;
-                let Some(motion) = motion.known() else { return Err(without_motion()) };
-                let watch = RecordedWatch::new(settings, None, &judged, motion).map_err(not_at_rest);
+                let Some(known) = motion.known() else { return Err(motion.lacks()) };
+                let watch = RecordedWatch::new(settings, None, &judged, known).map_err(not_at_rest);
                 let watch = watch.wrap_err_with(named)?;
-                (felt, watch_recording(watch, watching.watched, (&judged, motion, felt), look).wrap_err_with(named)?)
+                let of_push = (&judged[..], known, motion.path(), felt);
+                (felt, watch_recording(watch, watching.watched, of_push, look).wrap_err_with(named)?)
             }
             None => self.watch_device(settings, &mut motion, look)?,
         };
-        let Some(motion) = motion.into_known() else { return Err(without_motion()) };
+        let Some(motion) = motion.known().cloned() else { return Err(motion.lacks()) };
         if let Some(sense) = watch.sense() {
             tell_contacts(sense, motion.duration());
         }
@@ -539,6 +548,7 @@ impl WatchedPushArguments {
                 watch,
                 felt,
                 motion: known,
+                path: motion.path(),
                 is_told_to_its_end: motion.is_complete(),
                 session: Some(session),
                 inputs,
@@ -567,7 +577,7 @@ impl WatchedPushArguments {
 fn watch_recording(
     recorded: RecordedWatch,
     watched: Watched,
-    (judged, motion, felt): (&[Judged], &FingerMotion, FeltPush),
+    (judged, motion, path, felt): (&[Judged], &FingerMotion, Option<&StreamedPath>, FeltPush),
     look: Look<'_>,
 ) -> miette::Result<PushWatch> {
     let RecordedWatch { mut watch, rested, from, push, others } = recorded;
@@ -588,7 +598,7 @@ fn watch_recording(
     for item in &judged[from..] {
         watch.take([*item]).map_err(not_at_rest)?;
         let (is_told_to_its_end, inputs) = (true, InputsSeen::default());
-        let mut ongoing = Ongoing { watch: &mut watch, felt, motion, is_told_to_its_end, session: None, inputs };
+        let mut ongoing = Ongoing { watch: &mut watch, felt, motion, path, is_told_to_its_end, session: None, inputs };
         if look(&mut ongoing)?.is_break() {
             break;
         }
@@ -665,14 +675,6 @@ pub(super) fn too_short() -> miette::Report {
     miette::miette!(
         help = "push for longer: a tenth of a second says little, half a second much",
         "the push was too short to say anything"
-    )
-}
-
-/// Where nobody said how the finger moves.
-fn without_motion() -> miette::Report {
-    miette::miette!(
-        help = "write at least one segment, such as {{\"seconds\": 0.3, \"acceleration\": [0.15, 0]}}",
-        "standard input told nothing of the finger's motion"
     )
 }
 

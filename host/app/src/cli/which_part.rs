@@ -21,6 +21,7 @@ use serde_json::json;
 use super::lacking;
 use super::library::part_files;
 use super::misfit;
+use super::motion_source::AskedMotion;
 use super::plan_push;
 use super::pose;
 use super::read::{read, read_beside, tell_part};
@@ -76,7 +77,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     arguments.push.begin_recording()?;
     let candidates = arguments.candidates()?;
     let beforehand = beforehand(&candidates, arguments.earlier.as_deref())?;
-    let push = arguments.push.watch(&arguments.motion.file, Watching::TO_ITS_END, &mut |push| push.until_over())?;
+    let push = arguments
+        .push
+        .watch(AskedMotion::Told(&arguments.motion.file), Watching::TO_ITS_END, &mut |push| push.until_over())?;
     let force = push.force()?;
     let tally = push.watch.tally();
     let shortlist = arguments.shortlist(&candidates, &beforehand, &push, &force);

@@ -78,6 +78,59 @@ pub fn parse_with(text: &str, mapping: &Mapping) -> Result<RecordedPath, ReadErr
     Ok(RecordedPath { times, places, angles: None, problems })
 }
 
+/// Rows of a table that come one by one.
+///
+/// ```
+/// use palpate_files::recordings::mapping::Mapping;
+/// use palpate_files::recordings::path::PathRows;
+///
+/// let mut rows = PathRows::new(Mapping::default());
+/// assert_eq!(rows.read(1, "t, x [mm], y [mm]")?, None); // the header
+/// let path = rows.read(2, "0.01, 1.5, 2")?.ok_or("a row")?;
+/// assert!((path.places[0].x - 0.0015).abs() < 1e-12); // m
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct PathRows {
+    mapping: Mapping,
+    /// The first line where it is no row; none before there was one.
+    header: Option<String>,
+}
+
+impl PathRows {
+    /// Of columns that a mapping may name.
+    #[must_use]
+    pub const fn new(mapping: Mapping) -> Self {
+        Self { mapping, header: None }
+    }
+
+    /// A table of the row of a line, which is the `number`-th; none where it is the header, or empty.
+    ///
+    /// # Errors
+    /// [`ReadError`] if it is no row; the next line may be.
+    pub fn read(&mut self, number: usize, line: &str) -> Result<Option<RecordedPath>, ReadError> {
+        if line.trim().is_empty() {
+            return Ok(None);
+        }
+        let header = self.header.as_deref().unwrap_or_default();
+        match parse_with(&format!("{header}{line}"), &self.mapping) {
+            Err(ReadError::Empty) if self.header.is_none() => {
+                self.header = Some(format!("{line}\n"));
+                Ok(None)
+            }
+            Err(ReadError::AllBad { lines, first }) => {
+                Err(ReadError::AllBad { lines, first: RecordingProblem { line: number, ..first } })
+            }
+            Ok(table) => {
+                self.header.get_or_insert_default();
+                Ok(Some(table))
+            }
+            Err(ReadError::Empty) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -14,9 +14,10 @@ use palpate_files::part::PolygonFile;
 
 use super::calibrated::{FingerArguments, KeptTare};
 use super::lacking;
-use super::motion_source::MotionSource;
+use super::motion_source::{AskedMotion, MotionSource};
 use super::read::{read, tell_part};
 use super::tared::{self, Untared};
+use super::told_tables::TableArguments;
 use super::watched_push::FeltPushArguments;
 use crate::advice::Advise as _;
 use crate::live::{self, interrupt};
@@ -145,7 +146,8 @@ impl Arguments {
         let (Some(part), Some(motion)) = (&self.part, &self.motion) else { return Ok(None) };
         let file = read(part, PolygonFile::parse)?;
         tell_part(part, file.part.polygon().vertices(), file.part.body(), &file.doubts());
-        Ok(Some((file, MotionSource::open(motion, self.finger.device.is_recording())?)))
+        let tables = TableArguments::default();
+        Ok(Some((file, MotionSource::open(AskedMotion::Told(motion), &tables, self.finger.device.is_recording())?)))
     }
 
     fn shown_push(&self, file: &PolygonFile, motion: &MotionSource) -> Push {

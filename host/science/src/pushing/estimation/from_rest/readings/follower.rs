@@ -6,11 +6,14 @@
 //! is told to; what it may be off moves the disk along its path, and with it the part: that is in the covariance told. It also
 //! has the force of another moment read: that counts as noise, more of it where the force changes faster.
 //!
+//! A motion may be measured while it goes ([`StreamedPath`]). What its acceleration may be off counts as noise, by the mass
+//! that plane and finger let feel; steps of it are smeared, and stretches in them left out.
+//!
 //! Frames: world axes. Units: SI. Errors: none.
 
 use std::ops::AddAssign as _;
 
-use nalgebra::{Vector2, Vector6};
+use nalgebra::{Matrix2, Vector2, Vector6};
 
 use super::tracker::{ForceTracker, Found, SearchTask, TrackedHypothesis};
 use super::{ForceReading, KnownOfFinger};
@@ -19,6 +22,7 @@ use crate::finger::ringing::{Ringing, mean_reading};
 use crate::math::statistics::mean;
 use crate::pushing::estimation::from_rest::watch::PushWatch;
 use crate::pushing::finger_motion::FingerMotion;
+use crate::pushing::streamed_path::{MotionDoubts, StreamedPath};
 
 /// A reading each so long, s: in less a push changes by a line.
 const STRETCH_S: f64 = 8e-3;
@@ -37,6 +41,9 @@ const JUMP_SHARE: f64 = 0.1;
 
 /// What a wrong clock adds lasts for so many readings, which err alike: as white noise it counts for so many.
 const ALIKE: f64 = 10.0;
+
+/// A measured acceleration that changes about a stretch by so many times what it may be off steps there.
+const STEPS_SDS: f64 = 6.0;
 
 /// A stretch counts that has this share of its readings.
 const FILLED: f64 = 0.5;
@@ -68,22 +75,35 @@ struct FollowedPush {
     /// Where the next stretch begins, s since the onset.
     next: f64,
     last: Option<ForceReading>,
+    /// Of a measured motion at the last reading.
+    doubts: MotionDoubts,
     /// Squares of the noise of all readings, N², and how many there are.
     noises: (f64, f64),
     tracker: Option<ForceTracker>,
 }
 
 impl FollowedPush {
-    /// Standard deviation of a reading, what the clock may be off included, N.
-    fn noise(&mut self, reading: &ForceReading, reader: &Reader) -> f64 {
+    /// Standard deviation of a reading, what the clock and the motion may be off included, N.
+    fn noise(&mut self, reading: &ForceReading, reader: &Reader, known: &KnownOfFinger) -> f64 {
         let rate = self
             .last
             .replace(*reading)
             .map_or(0.0, |last| (reading.force - last.force).norm() / (reading.time - last.time).max(reader.stretch_s));
-        let noise = reader.noise.hypot(ALIKE.sqrt() * rate * self.clock.sd);
+        let MotionDoubts { acceleration_sd, smeared_s, .. } = self.doubts;
+        let contact = reading.force + known.motion.acceleration(reading.time) * known.effective_mass;
+        // Friction of the plane is most of what is felt of a part.
+        let carried = contact.norm() / known.mu_g.max(f64::MIN_POSITIVE) + known.effective_mass;
+        let alike = (2.0 * smeared_s / reader.stretch_s).max(1.0);
+        let of_motion = alike.sqrt() * carried * acceleration_sd;
+        let noise = reader.noise.hypot(ALIKE.sqrt() * rate * self.clock_sd()).hypot(of_motion);
         self.noises.0 += noise * noise;
         self.noises.1 += 1.0;
         noise
+    }
+
+    /// Of when the motion began, s.
+    fn clock_sd(&self) -> f64 {
+        self.clock.sd.hypot(self.doubts.begins_sd)
     }
 }
 
@@ -146,6 +166,13 @@ fn first_jump(motion: &FingerMotion, from: f64, to: f64) -> Option<f64> {
         .map(|(time, _)| time)
 }
 
+/// Whether a measured acceleration steps in a stretch or so near that it is smeared into it, s since the motion began.
+fn steps(motion: &FingerMotion, doubts: &MotionDoubts, from: f64, to: f64) -> bool {
+    let [before, after] =
+        [from - doubts.smeared_s, to + doubts.smeared_s].map(|time| motion.acceleration(time.max(0.0)));
+    (after - before).norm() > STEPS_SDS * doubts.acceleration_sd
+}
+
 impl PushFollower {
     /// Waits for a push. Without a clock the finger begins to move where force is first felt: it and the part are at rest,
     /// in contact. With one it may be on its way when it meets the part.
@@ -173,8 +200,8 @@ impl PushFollower {
     }
 
     /// Takes the next reading, if what is felt has come so far; its time since the motion began, s. The motion counts as
-    /// far as it is told.
-    pub fn next(&mut self, known: &KnownOfFinger, watch: &PushWatch) -> Option<f64> {
+    /// far as it is told; where it is measured, `path` is what tells it.
+    pub fn next(&mut self, known: &KnownOfFinger, path: Option<&StreamedPath>, watch: &PushWatch) -> Option<f64> {
         let (sense, onset) = (watch.sense()?, watch.onset_time());
         if self.push.as_ref().map(|push| push.onset) != onset {
             // A knock is forgotten, and what follows is another push.
@@ -199,7 +226,13 @@ impl PushFollower {
                 return None;
             }
             let from = push.next + to_motion;
-            if let Some(jump) = first_jump(known.motion, from - JUMP_S, end + to_motion + JUMP_S) {
+            if let Some(path) = path {
+                push.doubts = path.doubts(from)?;
+                if steps(known.motion, &push.doubts, from, end + to_motion) {
+                    push.next = end;
+                    continue;
+                }
+            } else if let Some(jump) = first_jump(known.motion, from - JUMP_S, end + to_motion + JUMP_S) {
                 push.next = jump - to_motion + JUMP_S;
                 // Rounding must not find the same jump again.
                 push.next += f64::EPSILON.sqrt() * push.next.abs();
@@ -209,7 +242,7 @@ impl PushFollower {
             push.next = end;
             let Some(read) = reader.read(&felt[stretch]) else { continue };
             let reading = ForceReading { time: read.t + to_motion, force: read.force_finger };
-            let known = KnownOfFinger { noise: push.noise(&reading, &reader), ..*known };
+            let known = KnownOfFinger { noise: push.noise(&reading, &reader, known), ..*known };
             push.tracker.get_or_insert_with(|| ForceTracker::new(&known)).take(&known, reading);
             return Some(reading.time);
         }
@@ -217,7 +250,16 @@ impl PushFollower {
 
     fn begun(&self, onset: f64, onset_sd: f64) -> FollowedPush {
         let clock = self.clock.unwrap_or(MotionClock { begins: onset, sd: onset_sd });
-        FollowedPush { onset, clock, reader: None, next: JUMP_S, last: None, noises: (0.0, 0.0), tracker: None }
+        FollowedPush {
+            onset,
+            clock,
+            reader: None,
+            next: JUMP_S,
+            last: None,
+            doubts: MotionDoubts::default(),
+            noises: (0.0, 0.0),
+            tracker: None,
+        }
     }
 
     /// What follows the push; none before it was felt for a little.
@@ -268,12 +310,14 @@ impl PushFollower {
         let leg = known.motion.legs(known.radius).take_while(|leg| leg.from <= time).last();
         let mut hypotheses = tracker.hypotheses(&self.known(known));
         let last = push.last.map_or_else(Vector2::zeros, |last| last.force);
-        let unsure = known.place_covariance(last);
+        let measured = Matrix2::from_diagonal_element(push.doubts.place_sd.powi(2));
+        let unsure = known.place_covariance(last) + measured;
         hypotheses.iter_mut().for_each(|it| it.covariance.fixed_view_mut::<2, 2>(0, 0).add_assign(&unsure));
         if let Some(leg) = leg {
             // The disk is elsewhere on its path, at another speed, and the part with it.
             let (velocity, acceleration) = (leg.finger.velocity(time - leg.from), leg.finger.acceleration);
-            let moved = Vector6::new(velocity.x, velocity.y, 0.0, acceleration.x, acceleration.y, 0.0) * push.clock.sd;
+            let moved =
+                Vector6::new(velocity.x, velocity.y, 0.0, acceleration.x, acceleration.y, 0.0) * push.clock_sd();
             hypotheses.iter_mut().for_each(|it| it.covariance += moved * moved.transpose());
         }
         hypotheses

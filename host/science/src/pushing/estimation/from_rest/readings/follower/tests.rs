@@ -1,4 +1,4 @@
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Point2, Vector3};
 use palpate_shared::sim::{BeamConfig, Carriage, CarriedBeam, CarriedConfig, CarriedMasses};
 
 use super::super::tests::Case;
@@ -9,6 +9,7 @@ use crate::geometry::Pose;
 use crate::math::random::Draw;
 use crate::math::statistics::chi_square_quantile;
 use crate::pushing::estimation::from_rest::watch::WatchSettings;
+use crate::pushing::finger_motion::Segment;
 use crate::search::never;
 
 const PERIOD_NS: u32 = 250_000;
@@ -60,7 +61,7 @@ fn follow(case: &Case, clock: Option<MotionClock>, draw: &mut Draw) -> (PushFoll
     let mut errors = Vec::new();
     for item in samples(case, known.motion, draw) {
         watch.take([item]).unwrap();
-        while let Some(time) = follower.next(&known, &watch) {
+        while let Some(time) = follower.next(&known, None, &watch) {
             if let Some(task) = follower.search_due() {
                 let found = task.run(&follower.known(&known), &never);
                 follower.adopt(&known, found);
@@ -86,8 +87,8 @@ fn squared_error(case: &Case, follower: &PushFollower, known: &KnownOfFinger) ->
 }
 
 /// The last pose is within its region, most on the way are; the answer says something.
-fn assert_followed(case: &Case, follower: &PushFollower, errors: &[f64], number: usize) {
-    let known = case.known(&case.part);
+fn assert_followed(case: &Case, motion: &FingerMotion, follower: &PushFollower, errors: &[f64], number: usize) {
+    let known = KnownOfFinger { motion, ..case.known(&case.part) };
     let within = errors.iter().filter(|error| **error < chi_square_quantile(0.99, 3)).count();
     assert!(within * 10 >= 9 * errors.len() && !errors.is_empty(), "case {number}: {within} of {}", errors.len());
     let end = squared_error(case, follower, &known);
@@ -105,7 +106,7 @@ fn a_push_is_followed_through_the_ringing_of_the_finger() {
         let (follower, errors) = follow(&drawn, None, &mut draw);
         let ringing = follower.ringing().unwrap();
         assert!((ringing.frequency_hz() - 177.3).abs() < 2.0, "case {case}: {ringing:?}");
-        assert_followed(&drawn, &follower, &errors, case);
+        assert_followed(&drawn, drawn.known(&drawn.part).motion, &follower, &errors, case);
     }
 }
 
@@ -116,7 +117,7 @@ fn a_clock_that_is_told_and_off_is_in_the_covariance() {
         let drawn = Case::draw(&mut draw);
         let clock = MotionClock { begins: REST_S + 3e-4, sd: 5e-4 };
         let (follower, errors) = follow(&drawn, Some(clock), &mut draw);
-        assert_followed(&drawn, &follower, &errors, case);
+        assert_followed(&drawn, drawn.known(&drawn.part).motion, &follower, &errors, case);
         // As far as the disk goes in half a millisecond, at least.
         let known = drawn.known(&drawn.part);
         let time = follower.tracker().unwrap().time();
@@ -129,12 +130,82 @@ fn a_clock_that_is_told_and_off_is_in_the_covariance() {
 
 #[test]
 fn a_jump_of_acceleration_is_left_out_of_readings() {
-    let segment =
-        |seconds: f64, x: f64| crate::pushing::finger_motion::Segment { seconds, acceleration: Vector2::new(x, 0.0) };
-    let motion =
-        FingerMotion::new(nalgebra::Point2::origin(), &[segment(0.1, 1.0), segment(0.1, 1.05), segment(0.1, -1.0)]);
+    let segment = |seconds: f64, x: f64| Segment { seconds, acceleration: Vector2::new(x, 0.0) };
+    let motion = FingerMotion::new(Point2::origin(), &[segment(0.1, 1.0), segment(0.1, 1.05), segment(0.1, -1.0)]);
     let motion = motion.unwrap();
     assert_eq!(first_jump(&motion, 0.0, 0.15), None, "a rise of a twentieth is none");
     assert!((first_jump(&motion, 0.15, 0.25).unwrap() - 0.2).abs() < 1e-12);
     assert_eq!(first_jump(&motion, 0.21, 0.5), None);
+}
+
+/// The same of a motion that is measured while it goes, by a clock of its own.
+fn follow_measured(case: &Case, sd: f64, per_second: f64, draw: &mut Draw) -> (PushFollower, StreamedPath, Vec<f64>) {
+    /// When the path's clock shows 0, s of that of the force.
+    const CLOCK_S: f64 = -0.04;
+    let beam = CarriedMasses::new(&BeamConfig::default(), CarriedConfig::default().density);
+    let known = case.known(&case.part);
+    let known = KnownOfFinger { mass: None, mu_c: None, effective_mass: f64::from(beam.effective), ..known };
+    let truth = known.motion;
+    let mut watch = PushWatch::new(WatchSettings { rest_s: 1.0, every_s: 0.1 }, None);
+    let (mut follower, mut path, mut errors) = (PushFollower::new(None), StreamedPath::new(sd), Vec::new());
+    let mut measured = 0.5;
+    let samples = samples(case, truth, draw);
+    let count = samples.len();
+    for (index, item) in samples.into_iter().enumerate() {
+        let (now, is_last) = (index as f64 * PERIOD_S, index + 1 == count);
+        watch.take([item]).unwrap();
+        let mut is_new = is_last;
+        while measured < now {
+            let off = Vector2::new(draw.normal(), draw.normal()) * sd;
+            path.take(measured - CLOCK_S, truth.centre((measured - REST_S).max(0.0)) + off).unwrap();
+            measured += draw.uniform(0.7, 1.3) / per_second;
+            is_new = true;
+        }
+        if is_last {
+            path.end().unwrap();
+        }
+        let Some(motion) = path.motion().filter(|_| is_new) else { continue };
+        let known = KnownOfFinger { motion, ..known };
+        while follower.next(&known, Some(&path), &watch).is_some() {
+            if let Some(task) = follower.search_due() {
+                let found = task.run(&follower.known(&known), &never);
+                follower.adopt(&known, found);
+            }
+            if follower.tracker().unwrap().state() == TrackerState::Following {
+                errors.push(squared_error(case, &follower, &known));
+            }
+        }
+    }
+    (follower, path, errors)
+}
+
+/// From a robot's own controller to what is watched by a camera: told is never wrong, and within the tenth of a second that
+/// it takes longer nearly every push is followed.
+#[test]
+fn a_push_is_followed_whose_motion_is_measured_meanwhile() {
+    let mut followed = 0;
+    // Of each coordinate, m, and how many places a second.
+    let kinds = [(5e-6, 250.0), (2e-5, 500.0), (1e-5, 100.0), (1e-5, 20.0)];
+    for (kind, case) in kinds.into_iter().flat_map(|kind| (0..4).map(move |case| (kind, case))) {
+        let (sd, per_second) = kind;
+        let mut draw = Draw::case(53, case);
+        let drawn = Case::draw(&mut draw);
+        let (follower, path, errors) = follow_measured(&drawn, sd, per_second, &mut draw);
+        if !errors.is_empty() {
+            assert_followed(&drawn, path.motion().unwrap(), &follower, &errors, case);
+            followed += 1;
+        }
+    }
+    assert!(followed >= 14, "{followed} of 16");
+}
+
+#[test]
+fn a_step_of_a_measured_acceleration_is_left_out_of_readings() {
+    let doubts = MotionDoubts { acceleration_sd: 0.01, smeared_s: 0.01, ..MotionDoubts::default() };
+    let segment = |seconds: f64, x: f64| Segment { seconds, acceleration: Vector2::new(x, 0.0) };
+    let steps_at_0_1 = |by: f64| {
+        let motion = FingerMotion::new(Point2::origin(), &[segment(0.1, 0.1), segment(0.1, 0.1 + by)]).unwrap();
+        steps(&motion, &doubts, 0.082, 0.095)
+    };
+    assert!(steps_at_0_1(0.07) && !steps_at_0_1(0.05));
 }
