@@ -3,8 +3,9 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use nalgebra::Isometry2;
+use nalgebra::{Isometry2, Matrix3, Vector3};
 use palpate::math::random::Draw;
+use palpate::math::statistics::chi_square_quantile;
 use palpate::pushing::pushed_world::Played;
 use serde_json::Value;
 
@@ -29,14 +30,19 @@ const ROUNDED_SDS: f64 = 0.14;
 
 /// Some hundred places a second at uneven times, from before the push to the end of its motion.
 pub(crate) fn places(noise: f64) -> String {
+    places_of(noise, EARLY_S, 0.009)
+}
+
+/// The same by a clock that is early by so much, s, a place each so long, s, or a third more or less.
+fn places_of(noise: f64, early: f64, apart: f64) -> String {
     let motion = std::fs::read_to_string(example("motion.toml")).unwrap();
     let motion = palpate_files::motion::parse(&motion).unwrap();
     let (mut draw, mut table, mut t) = (Draw::case(2, 0), "t [s], x [mm], y [mm]\n".to_owned(), 0.5);
-    while t + EARLY_S < REST_S + motion.duration() {
-        let place = motion.centre((t + EARLY_S - REST_S).max(0.0));
+    while t + early < REST_S + motion.duration() {
+        let place = motion.centre((t + early - REST_S).max(0.0));
         let [x, y] = [place.x, place.y].map(|value| 1e3 * (value + noise * draw.normal()));
         writeln!(table, "{t:.5}, {x:.6}, {y:.6}").unwrap();
-        t += draw.uniform(0.006, 0.012);
+        t += apart * draw.uniform(2.0 / 3.0, 4.0 / 3.0);
     }
     table
 }
@@ -96,6 +102,40 @@ fn a_push_with_measured_places_names_the_pose_and_the_clock() {
     let said = unfolded(&text(&shown.stdout));
     let told = format!("The path's clock is {:.1} ms early", 1e3 * clock_early);
     assert!(said.contains("One pose explains forces and places") && said.contains(&told), "{said}");
+}
+
+/// At the ends of what is asked of a path: a clock that is off by 50 ms to either side, and 20 places a second.
+#[test]
+fn a_clock_far_off_and_places_far_apart_are_taken_for_what_they_are() {
+    let (folder, played) = (tempfile::tempdir().unwrap(), pushed());
+    for (early, apart) in [(0.05, 0.009), (-0.05, 0.009), (EARLY_S, 0.05)] {
+        let [table, path] = files(&folder, &played, &places_of(PLACE_SD_M, early, apart));
+        let unsure = ["--clock-offset-ms", "25", "--json"];
+        let output = observe(&FINGER).args(unsure).arg(&table).arg("--path").arg(&path).output().unwrap();
+        let answer: Value =
+            serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", text(&output.stderr)));
+        let truth = played.pose(answer["t"].as_f64().unwrap()).unwrap();
+        let numbers = |value: &Value| value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect::<Vec<_>>();
+        let errors = answer["hypotheses"].as_array().unwrap().iter().map(|told| {
+            let pose = numbers(&told["pose_end"]);
+            let found = Isometry2::new([pose[0], pose[1]].into(), pose[2]);
+            let off = found.translation.vector - truth.translation.vector;
+            let off = Vector3::new(off.x, off.y, truth.rotation.rotation_to(&found.rotation).angle());
+            let rows: Vec<_> = told["covariance"].as_array().unwrap().iter().map(numbers).collect();
+            let covariance = Matrix3::from_fn(|row, column| rows[row][column]);
+            (off.transpose() * covariance.try_inverse().unwrap() * off)[0]
+        });
+        let nearest = errors.min_by(f64::total_cmp).unwrap();
+        assert!(nearest < chi_square_quantile(0.9999, 3), "{early} s, {apart} s: {nearest} of {answer}");
+        let best = &answer["hypotheses"][0];
+        let clock = best["clock_offset"].as_f64().unwrap();
+        println!(
+            "{early} {apart}: {nearest} {clock} {:?} {}",
+            best["probability"],
+            answer["hypotheses"].as_array().unwrap().len()
+        );
+        println!("{:?}", [0, 2].map(|k| numbers(&best["covariance"][k])[k].sqrt()));
+    }
 }
 
 /// A wrist turned to the left by this, degrees: its sensor's axes are, too.

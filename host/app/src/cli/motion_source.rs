@@ -31,7 +31,7 @@ pub(super) enum AskedMotion<'a> {
 pub(super) enum MotionSource {
     Whole(FingerMotion),
     /// Of measured places that are all there.
-    Measured(StreamedPath),
+    Measured(Box<StreamedPath>),
     Streamed {
         lines: Told,
         motion: Growing,
@@ -45,7 +45,7 @@ pub(super) enum Growing {
     /// Each line a segment.
     Segments(Option<FingerMotion>),
     /// Each line a row of a table of places.
-    Places { path: StreamedPath, rows: PathRows },
+    Places { path: Box<StreamedPath>, rows: PathRows },
 }
 
 /// Where lines come from.
@@ -66,7 +66,7 @@ impl MotionSource {
         let (path, motion) = match asked {
             AskedMotion::Told(path) => (path, Growing::Segments(None)),
             AskedMotion::Measured { places, sigma } => {
-                let path = StreamedPath::new(sigma);
+                let path = Box::new(StreamedPath::new(sigma));
                 (places, Growing::Places { path, rows: PathRows::new(tables.mapping()) })
             }
         };
@@ -186,7 +186,7 @@ impl MotionSource {
 }
 
 /// The motion of a table of places.
-fn measured(mut path: StreamedPath, table: RecordedPath) -> miette::Result<StreamedPath> {
+fn measured(mut path: Box<StreamedPath>, table: RecordedPath) -> miette::Result<Box<StreamedPath>> {
     still(&table)?;
     let mut places = table.times.into_iter().zip(table.places);
     places.try_for_each(|(time, place)| path.take(time, place)).into_diagnostic()?;

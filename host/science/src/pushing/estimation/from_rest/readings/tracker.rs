@@ -54,13 +54,18 @@ const LINE_CHANCE: f64 = 1e-4;
 /// Readings kept, s: what the longest search goes by, and what comes while it runs.
 const KEPT_S: f64 = 4.0;
 
-/// Readings by which the hypotheses of a search are taken nearer to now with every new one.
-const CAUGHT_UP_EACH: usize = 6;
+/// Steps by which the hypotheses of a search are taken nearer to now with every new reading: at 30 µs each less than the 8 ms
+/// in which the next one comes.
+const STEPS_EACH: usize = 250;
 
 /// Fewer readings tell no push.
 const READINGS_MIN: usize = 12;
 
-/// Hypotheses at the most: at 30 µs each a step takes 8 ms.
+/// But no fewer readings than this, or they would never be at the last.
+const READINGS_EACH_MIN: usize = 2;
+
+/// Hypotheses at the most: at 30 µs each a step takes 8 ms. A search may find a long valley in as many pieces; with half as many
+/// its ends would be lost, and the pose be told too narrowly.
 const HYPOTHESES_MAX: usize = 256;
 
 /// One whose probability is this share of the best one's is followed no further.
@@ -361,7 +366,8 @@ impl ForceTracker {
         self.hypotheses = self.follow(known, hypotheses, usize::MAX);
         if !self.arriving.is_empty() {
             let arriving = std::mem::take(&mut self.arriving);
-            self.arriving = self.follow(known, arriving, CAUGHT_UP_EACH);
+            let most = (STEPS_EACH / arriving.len()).max(READINGS_EACH_MIN);
+            self.arriving = self.follow(known, arriving, most);
             if self.is_at_last(&self.arriving) {
                 self.hypotheses = std::mem::take(&mut self.arriving);
                 self.misfits.clear();
