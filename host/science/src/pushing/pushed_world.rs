@@ -4,6 +4,8 @@
 //! every moment whether the contact rolls or slides. What comes out is the part's motion and the force on the finger's
 //! disk.
 //!
+//! A part may be elliptic and a finger of any outline, too: [`PushedWorld::play_by`].
+//!
 //! Assumes: as [`crate::pushing::dynamics`]; the contact stays on its edge. Frames: finger axes, with the origin of the
 //! motion's file; **force is the force on the finger's disk**. Units: SI.
 //! Errors: [`WorldError`] for a start that cannot be. A push that ends early is an answer.
@@ -12,8 +14,8 @@ use nalgebra::{Isometry2, Vector2};
 
 use crate::math::angle::wrap_angle;
 use crate::pushing::dynamics::{
-    ContactLaw, Edge, EdgeEnd, EndReason, ModelError, Part, Push, PushError, PushModel, PushRun, PushRunError, Sample,
-    Start,
+    ContactLaw, Edge, EdgeEnd, EndReason, FingerShape, ModelError, Part, PartSide, Push, PushError, PushModel, PushRun,
+    PushRunError, Sample, ShapeError, ShapedModel, ShapedPush, Start, State,
 };
 use crate::pushing::finger_motion::{FingerMotion, Leg, Segment};
 
@@ -80,6 +82,9 @@ pub enum WorldError {
     /// The part has fewer edges.
     #[error(transparent)]
     Edge(#[from] ModelError),
+    /// Outlines that do not touch at a point.
+    #[error(transparent)]
+    Shape(#[from] ShapeError),
     /// Impossible from the start.
     #[error(transparent)]
     Push(#[from] PushError),
@@ -94,7 +99,37 @@ impl PushedWorld<'_> {
     /// # Errors
     /// [`WorldError`].
     pub fn play(&self) -> Result<Played, WorldError> {
-        self.play_legs(self.motion, |_| 1.0)
+        self.play_legs_along(self.motion, |_| 1.0)
+    }
+
+    /// The same with a finger of this outline in place of the disk, and of a part that may be elliptic: the edge is one of
+    /// [`Part::touchable`], `u` and `s` are the outlines' own parameters, of an ellipse its eccentric angle, rad.
+    ///
+    /// ```
+    /// use std::f64::consts::FRAC_PI_2;
+    ///
+    /// use nalgebra::{Point2, Vector2};
+    /// use palpate::pushing::dynamics::{Body, FingerShape};
+    /// use palpate::pushing::finger_motion::Segment;
+    /// use palpate::{FingerMotion, GRAVITY_ASSUMED, Part, PushedWorld};
+    ///
+    /// let part = Part::elliptic([0.03, 0.02], Body::ellipse([0.03, 0.02]));
+    /// let ahead = Segment { seconds: 0.3, acceleration: Vector2::new(0.0, 0.15) };
+    /// let motion = FingerMotion::new(Point2::origin(), &[ahead])?;
+    /// let (mu_g, mass, mu_c) = (0.3 * GRAVITY_ASSUMED, 0.2, 0.3);
+    /// let (edge, u, s) = (0, FRAC_PI_2, -FRAC_PI_2);
+    /// let world = PushedWorld { part: &part, mu_g, mass, mu_c, radius: 0.01, motion: &motion, edge, u, s };
+    /// let played = world.play_by(FingerShape::Ellipse { semi_axes: [0.01, 0.006] })?;
+    /// // Both stand with their long sides across: their centres are the short semi-axes apart.
+    /// assert!((played.samples[0].position - Point2::new(0.0, 0.026)).norm() < 1e-9); // m
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`WorldError`].
+    pub fn play_by(&self, shape: FingerShape) -> Result<Played, WorldError> {
+        let side = self.part.touched(self.edge)?;
+        self.play_legs(self.motion, shape, |leg, start| self.run_shaped(side, shape, leg, start))
     }
 
     /// The same with a µ_c that is so many times as much at a place on the edge, m: kept over each [`WANDER_STEP_S`].
@@ -112,19 +147,30 @@ impl PushedWorld<'_> {
             std::iter::repeat_n(piece, pieces as usize)
         });
         let motion = FingerMotion::new(self.motion.centre(0.0), &pieces.collect::<Vec<_>>());
-        self.play_legs(&motion.expect("pieces of a motion are one"), factor)
+        self.play_legs_along(&motion.expect("pieces of a motion are one"), factor)
     }
 
-    fn play_legs(&self, motion: &FingerMotion, factor: impl Fn(f64) -> f64) -> Result<Played, WorldError> {
+    fn play_legs_along(&self, motion: &FingerMotion, factor: impl Fn(f64) -> f64) -> Result<Played, WorldError> {
         let edge = self.part.edge(self.edge)?;
+        let disk = FingerShape::Disk { radius: self.radius };
+        self.play_legs(motion, disk, |leg, start| {
+            let (Start::Rest { s, .. } | Start::Moving(State { s, .. })) = start;
+            self.run(edge, leg, start, self.mu_c * factor(s))
+        })
+    }
+
+    fn play_legs(
+        &self,
+        motion: &FingerMotion,
+        shape: FingerShape,
+        run: impl Fn(&Leg, Start) -> Result<PushRun, WorldError>,
+    ) -> Result<Played, WorldError> {
         let mut start = Start::Rest { u: self.u, s: self.s };
-        let mut s = self.s;
         let mut played = Played { samples: Vec::new(), forces_finger: Vec::new(), end: EndReason::Time };
         for leg in motion.legs(self.radius) {
-            let run = self.run(edge, &leg, start, self.mu_c * factor(s))?;
-            s = run.last.state.s;
+            let run = run(&leg, start)?;
             start = Start::Moving(run.last.state);
-            played.take(&run, &leg, self.mass);
+            played.take(&run, &leg, &shape, self.mass);
             if run.end.reason != EndReason::Time {
                 played.end = run.end.reason;
                 break;
@@ -137,6 +183,12 @@ impl PushedWorld<'_> {
         let model = PushModel { part: self.part, edge, mu_g: self.mu_g, finger: leg.finger };
         let law = ContactLaw::Coulomb { friction: mu_c };
         Ok(Push::new(model, law, start, EdgeEnd::Stop)?.run(&times(leg))?)
+    }
+
+    fn run_shaped(&self, side: PartSide, shape: FingerShape, leg: &Leg, start: Start) -> Result<PushRun, WorldError> {
+        let model = ShapedModel::new(self.part.body(), side, self.mu_g, shape, leg.finger.path())?;
+        let law = ContactLaw::Coulomb { friction: self.mu_c };
+        Ok(ShapedPush::new(model, law, start, EdgeEnd::Stop)?.around(self.part)?.run(&times(leg))?)
     }
 }
 
@@ -152,11 +204,11 @@ fn times(leg: &Leg) -> Vec<f64> {
 const SAME_TIME_S: f64 = 1e-9;
 
 impl Played {
-    fn take(&mut self, run: &PushRun, leg: &Leg, mass: f64) {
+    fn take(&mut self, run: &PushRun, leg: &Leg, shape: &FingerShape, mass: f64) {
         for sample in &run.samples {
             let sample = Sample { t: leg.from + sample.t, ..*sample };
             self.samples.push(sample);
-            self.forces_finger.push(force_finger(&sample, mass));
+            self.forces_finger.push(force_finger(&sample, shape, mass));
         }
     }
 
@@ -219,8 +271,37 @@ fn share_of(t: f64, from: f64, to: f64) -> f64 {
 }
 
 /// Force on the disk, finger axes, N; none where the part jams.
-fn force_finger(sample: &Sample, mass: f64) -> Vector2<f64> {
-    let (sin, cos) = sample.state.u.sin_cos();
+fn force_finger(sample: &Sample, shape: &FingerShape, mass: f64) -> Vector2<f64> {
+    let (sin, cos) = shape.normal_angle(sample.state.u).sin_cos();
     let on_part = |normal: f64, along: f64| Vector2::new(cos, sin) * normal + Vector2::new(sin, -cos) * along;
     sample.force.map_or_else(Vector2::zeros, |force| -on_part(force.normal, force.tangential) * mass)
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point2;
+
+    use super::*;
+    use crate::geometry::SimplePolygon;
+    use crate::gravity::GRAVITY_ASSUMED;
+
+    /// What the integrations of both models, each to its own error, may be apart, m and N.
+    const APART: (f64, f64) = (1e-8, 1e-6);
+
+    #[test]
+    fn a_disk_plays_alike_by_its_own_model_and_by_that_of_any_outline() {
+        let corners = [[-0.03, -0.02], [0.03, -0.02], [0.02, 0.03], [-0.03, 0.02]];
+        let part = Part::uniform(SimplePolygon::new(corners.map(Point2::from)).unwrap());
+        let stretch = |seconds, x, y| Segment { seconds, acceleration: Vector2::new(x, y) };
+        let motion = FingerMotion::new(Point2::origin(), &[stretch(0.3, 0.0, 0.15), stretch(0.3, 0.15, 0.0)]).unwrap();
+        let (part, mu_g, radius, motion) = (&part, 0.3 * GRAVITY_ASSUMED, 0.01, &motion);
+        let world = PushedWorld { part, mu_g, mass: 0.3, mu_c: 0.2, radius, motion, edge: 0, u: 1.4, s: 0.005 };
+        let (own, any) = (world.play().unwrap(), world.play_by(FingerShape::Disk { radius }).unwrap());
+        assert_eq!((own.end, own.samples.len()), (any.end, any.samples.len()));
+        for t in [0.1, 0.29, 0.31, 0.6] {
+            let off = (own.pose(t).unwrap().translation.vector - any.pose(t).unwrap().translation.vector).norm();
+            let force_off = (own.force_finger(t) - any.force_finger(t)).norm();
+            assert!(off < APART.0 && force_off < APART.1, "{t} s: {off} m, {force_off} N");
+        }
+    }
 }
