@@ -26,6 +26,7 @@ mod inscribe;
 mod newer_firmware;
 mod observability;
 mod observe;
+mod observe_curved;
 mod observe_follow;
 mod observe_path;
 mod observe_slow;
