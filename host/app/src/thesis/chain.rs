@@ -79,7 +79,7 @@ pub(crate) fn known_of<'a>(ranges: &'a Ranges, part: &'a Part, finger: CarriedFi
         mu_g: ranges.mu * GRAVITY_ASSUMED,
         mu_g_log_sd: None,
         radius: RADIUS_M,
-        shape: None,
+        shape: ranges.shape,
         finger,
         motion: &ranges.motion,
     }
@@ -148,8 +148,8 @@ fn worlds(settings: &TableSettings) -> Table {
 
 /// Headings, the first of what rows are of.
 fn columns(first: &'static str) -> impl Iterator<Item = &'static str> {
-    let errors = ["median mm", "95 % mm", "median deg", "95 % deg", "nearest 95 % mm", "listed", "redrawn"];
-    [first, "cases"].into_iter().chain(STATUSES).chain(errors)
+    let others = ["nearest 95 % mm", "listed", "redrawn"];
+    [first, "cases"].into_iter().chain(STATUSES).chain(ERRORS).chain(others)
 }
 
 /// Draws, simulates and judges all cases.
@@ -191,27 +191,31 @@ pub(super) fn statuses(outcomes: &[&TrialOutcome], all: usize) -> [Cell; 5] {
     ]
 }
 
+/// Headings of [`errors_of_best`].
+pub(super) const ERRORS: [&str; 4] = ["median mm", "95 % mm", "median deg", "95 % deg"];
+
+/// Errors of the best poses listed, of the centre of mass and of the angle.
+pub(super) fn errors_of_best(outcomes: &[&TrialOutcome]) -> [Cell; 4] {
+    let best = || outcomes.iter().filter_map(|outcome| outcome.best);
+    let millimetres = |per_cent| error_at(per_cent, best().map(|error| error.distance * 1e3));
+    let degrees = |per_cent| error_at(per_cent, best().map(|error| error.angle.to_degrees()));
+    [millimetres(50), millimetres(95), degrees(50), degrees(95)]
+}
+
+fn error_at(per_cent: usize, errors: impl Iterator<Item = f64>) -> Cell {
+    percentile(errors, per_cent).map_or(Cell::Empty, |error| Cell::number(error, 3))
+}
+
 fn add(table: &mut Table, name: &str, outcomes: &[Result<TrialOutcome, String>]) {
     let sound: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.as_ref().ok()).collect();
     let all = outcomes.len();
-    let errors =
-        |of: fn(&TrialOutcome) -> Option<f64>| sound.iter().filter_map(|outcome| of(outcome)).collect::<Vec<_>>();
-    let millimetres = errors(|outcome| outcome.best.map(|error| error.distance * 1e3));
-    let degrees = errors(|outcome| outcome.best.map(|error| error.angle.to_degrees()));
-    let nearest = errors(|outcome| outcome.nearest.map(|error| error.distance * 1e3));
-    let at = |errors: &[f64], per_cent: usize| {
-        percentile(errors.iter().copied(), per_cent).map_or(Cell::Empty, |error| Cell::number(error, 3))
-    };
+    let nearest = error_at(95, sound.iter().filter_map(|outcome| outcome.nearest).map(|error| error.distance * 1e3));
     let listed = sound.iter().map(|outcome| outcome.listed).sum::<usize>();
     let redrawn = sound.iter().map(|outcome| outcome.redrawn).sum::<usize>();
     let mean = |sum: usize, of: usize| sum as f64 / (of as f64).max(1.0);
     let cells = [name.into(), Cell::count(all)].into_iter().chain(statuses(&sound, all));
-    table.push(cells.chain([
-        at(&millimetres, 50),
-        at(&millimetres, 95),
-        at(&degrees, 50),
-        at(&degrees, 95),
-        at(&nearest, 95),
+    table.push(cells.chain(errors_of_best(&sound)).chain([
+        nearest,
         Cell::number(mean(listed, all), 2),
         Cell::number(mean(redrawn, all), 1),
     ]));

@@ -7,7 +7,6 @@
 
 use std::time::Instant;
 
-use nalgebra::Matrix3;
 use palpate::math::statistics::percentile;
 use palpate::pushing::dynamics::ContactMode;
 use palpate::pushing::estimation::Status;
@@ -154,15 +153,8 @@ fn case(ranges: &Ranges, of_finger: FingerConfig, noise: f64, seed: u64, number:
     let estimate = felt(rig, ranges, &part, &drawn, number)?;
     let milliseconds = begun.elapsed().as_secs_f64() * 1e3;
     let truth = drawn.played.pose(estimate.time_end).ok_or_else(|| format!("case {number}: no pose at the end"))?;
-    let claims: Vec<_> = estimate
-        .hypotheses
-        .iter()
-        .map(|hypothesis| {
-            let off = hypothesis.pose_end.minus(&truth.into());
-            let covariance = hypothesis.covariance.unwrap_or_else(|| Matrix3::identity() * f64::MAX.sqrt());
-            PoseClaim::new(hypothesis.probability, &off, &covariance)
-        })
-        .collect();
+    let claims: Vec<_> =
+        estimate.hypotheses.iter().map(|found| PoseClaim::of(found, estimate.symmetry, &truth)).collect();
     Ok(Outcome {
         trial: TrialOutcome::new(&part, &drawn, &estimate),
         slipped: drawn.played.samples.iter().any(|sample| sample.contact != ContactMode::Rolling),

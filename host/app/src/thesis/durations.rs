@@ -41,6 +41,7 @@ const PROCESSOR_S: &[(&str, f64)] = &[
     ("chain-worlds", 900.0),
     // One case of each row was broken off at 66 s: 20 000 s at least.
     ("chain-masses", 30_000.0),
+    ("chain-curved", 280.0),
     ("plan", 170.0),
     ("plan-chain", 820.0),
     ("parts", 600.0),

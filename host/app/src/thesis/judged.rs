@@ -6,10 +6,12 @@
 //! independent draws. All intervals are of 99 %.
 //! Units: none. Errors: none; of nothing there is no rate.
 
-use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+use std::f64::consts::TAU;
+
+use nalgebra::{Isometry2, Matrix3, SymmetricEigen, Vector3};
 use palpate::math::random::Draw;
 use palpate::math::statistics::{chi_square_quantile, mean, normal_quantile};
-use palpate::pushing::estimation::Status;
+use palpate::pushing::estimation::{Hypothesis, Status};
 
 use super::{Cell, Table};
 
@@ -212,6 +214,16 @@ impl PoseClaim {
 
     /// They are the same for all cases.
     const SEED: u64 = 0x7265_6769_6f6e;
+
+    /// Of a hypothesis of a part that so many turns about its frame's origin take to itself: of the poses that look the same
+    /// the one nearest to the truth. A pose that is free may be anywhere.
+    pub(super) fn of(hypothesis: &Hypothesis, symmetry: usize, truth: &Isometry2<f64>) -> Self {
+        let mut off = hypothesis.pose_end.minus(&(*truth).into());
+        let step = TAU / symmetry.max(1) as f64;
+        off.z -= step * (off.z / step).round();
+        let covariance = hypothesis.covariance.unwrap_or_else(|| Matrix3::identity() * f64::MAX.sqrt());
+        Self::new(hypothesis.probability, &off, &covariance)
+    }
 
     /// Of a pose that is off by so much (m, m, rad) and its stated covariance.
     pub(super) fn new(probability: f64, off: &Vector3<f64>, covariance: &Matrix3<f64>) -> Self {

@@ -5,13 +5,13 @@
 //! [`Experiment`] beside it, and list that in [`EXPERIMENTS`]. It says in
 //! `definitions` what was drawn and what counts as a success, and lists every case that failed, so that each can be
 //! looked at by itself: case `k` of a seed is always the same problem, whatever the number of cases.
-//! Only in `chain` and `chain_masses` a simulated device runs beside the host, and when it is pushed differs by milliseconds from run to run.
+//! Only in `chain`, `chain_masses` and `chain_curved` a simulated device runs beside the host, and when it is pushed differs by milliseconds from run to run.
 //!
 //! The thesis's figures are in `figures`, each with a table of what it shows.
 //!
 //! By chapter: `inscription` (2), `sampling` (3), `gho` and `initial_pose` (6), `static_contacts` (§6.4), `rolling`
 //! (7); beyond the thesis: `pose` and `plan` (`rivals` decides what is ambiguous), `parts`, `chain` (`demonstration`,
-//! many times, in the world as it is and in one without the finger's mass) and `chain_masses`, `carried` (planning and telling parts apart through it), `drawn_pushes`, `drawn_rest` and `drawn_rolls` (is the search to blame?), `invariances`, `touches`, `touch`. `cases` runs
+//! many times, in the world as it is and in one without the finger's mass), `chain_masses` and `chain_curved`, `carried` (planning and telling parts apart through it), `drawn_pushes`, `drawn_rest` and `drawn_rolls` (is the search to blame?), `invariances`, `touches`, `touch`. `cases` runs
 //! them on all processors, `progress` tells how far they are, `streamed` prints rows as they are done, `durations` has how long it takes, `processor_time` measures it, `judged` holds what answers state against the truth.
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
@@ -19,6 +19,7 @@
 mod carried;
 mod cases;
 pub(crate) mod chain;
+mod chain_curved;
 mod chain_masses;
 pub mod demonstration;
 mod drawn_forces;
@@ -97,6 +98,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     chain::EXPERIMENT,
     chain::WORLDS,
     chain_masses::EXPERIMENT,
+    chain_curved::EXPERIMENT,
     plan::EXPERIMENT,
     carried::PLAN,
     parts::EXPERIMENT,

@@ -117,6 +117,16 @@ impl FingerShape {
             Self::Line => std::f64::consts::FRAC_PI_2,
         }
     }
+
+    /// Parameter at which the outward normal points at an angle, both rad; of a line, which has one normal, its own point.
+    #[must_use]
+    pub fn facing(&self, angle: f64) -> f64 {
+        match *self {
+            Self::Disk { .. } => angle,
+            Self::Ellipse { semi_axes: [a, b] } => (b * angle.sin()).atan2(a * angle.cos()),
+            Self::Line => 0.0,
+        }
+    }
 }
 
 impl PartSide {

@@ -5,7 +5,7 @@
 //!
 //! Frames: finger axes. Units: SI. Errors: none; a part that cannot be pushed for so long is no problem.
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 use std::ops::RangeInclusive;
 
 use nalgebra::{Isometry2, Point2, Vector2};
@@ -13,7 +13,7 @@ use nalgebra::{Isometry2, Point2, Vector2};
 use crate::geometry::{Pose, SimplePolygon};
 use crate::gravity::GRAVITY_ASSUMED;
 use crate::math::random::Draw;
-use crate::pushing::dynamics::{EndReason, Part};
+use crate::pushing::dynamics::{EndReason, FingerShape, Part};
 use crate::pushing::estimation::hypotheses::{Estimate, Hypothesis, Status};
 use crate::pushing::finger_motion::{FingerMotion, Segment};
 use crate::pushing::pushed_world::{Played, PushedWorld};
@@ -41,6 +41,8 @@ pub struct Ranges {
     pub angle: f64,
     /// How far the finger's tip gives way, m/N.
     pub compliance: f64,
+    /// The finger's outline where it is not the default disk.
+    pub shape: Option<FingerShape>,
     /// How the finger moves.
     pub motion: FingerMotion,
 }
@@ -81,7 +83,15 @@ pub fn straight_motion() -> FingerMotion {
 
 impl Default for Ranges {
     fn default() -> Self {
-        Self { mu: 0.3, mu_c: 0.1..=0.5, mass: 0.2..=0.8, angle: 0.8, compliance: 0.0, motion: default_motion() }
+        Self {
+            mu: 0.3,
+            mu_c: 0.1..=0.5,
+            mass: 0.2..=0.8,
+            angle: 0.8,
+            compliance: 0.0,
+            shape: None,
+            motion: default_motion(),
+        }
     }
 }
 
@@ -94,9 +104,9 @@ pub struct Drawn {
     pub mass: f64,
     /// The edge that is touched.
     pub edge: usize,
-    /// Contact angle at the start, rad.
+    /// Contact angle at the start, rad: of an elliptic finger the eccentric one.
     pub u: f64,
-    /// Contact on the edge at the start, m.
+    /// Contact on the edge at the start, m: of an elliptic part its eccentric angle, rad.
     pub s: f64,
     /// The push as it was simulated.
     pub played: Played,
@@ -131,19 +141,26 @@ impl Ranges {
         (0..REDRAWS_MAX).find_map(|redrawn| {
             let (edge, s) = place(draw, part)?;
             let [x, y] = self.motion.first_acceleration().into();
-            let u = y.atan2(x) + draw.uniform(-self.angle, self.angle);
+            let shape = self.shape.unwrap_or(FingerShape::Disk { radius: RADIUS_M });
+            let u = shape.facing(y.atan2(x) + draw.uniform(-self.angle, self.angle));
             let mu_c = draw.uniform(*self.mu_c.start(), *self.mu_c.end());
             let mass = draw.uniform(*self.mass.start(), *self.mass.end());
             let mu_g = self.mu * GRAVITY_ASSUMED;
             let world = PushedWorld { part, mu_g, mass, mu_c, radius: RADIUS_M, motion: &self.motion, edge, u, s };
-            let played = world.play().ok().filter(|played| played.end == EndReason::Time)?.bent(self.compliance);
+            let is_curved = self.shape.is_some() || part.semi_axes().is_some();
+            let played = if is_curved { world.play_by(shape) } else { world.play() };
+            let played = played.ok().filter(|played| played.end == EndReason::Time)?.bent(self.compliance);
             Some(Drawn { mu_c, mass, edge, u, s, played, redrawn })
         })
     }
 }
 
-/// An edge, and a place on it (s, m), drawn uniformly along the outline; none where rounding leaves no edge.
+/// An edge, and a place on it (s, m), drawn uniformly along the outline; of an ellipse uniformly by its eccentric angle (rad).
+/// None where rounding leaves no edge.
 pub fn place(draw: &mut Draw, part: &Part) -> Option<(usize, f64)> {
+    if part.semi_axes().is_some() {
+        return Some((0, draw.uniform(0.0, TAU)));
+    }
     let lengths: Vec<_> = part.polygon().edges().map(|(from, to)| (to - from).norm()).collect();
     let mut left = draw.uniform(0.0, lengths.iter().sum());
     let edge = lengths.iter().position(|length| {
