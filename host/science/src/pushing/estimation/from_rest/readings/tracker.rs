@@ -68,6 +68,10 @@ const READINGS_EACH_MIN: usize = 2;
 /// its ends would be lost, and the pose be told too narrowly.
 const HYPOTHESES_MAX: usize = 256;
 
+/// What of a search's answers does not fit into so many may be this much of their probability: with more left out, what is followed
+/// would be told too narrowly, and nothing is.
+const LEFT_OUT_MAX: f64 = 0.01;
+
 /// One whose probability is this share of the best one's is followed no further.
 const NEGLIGIBLE: f64 = 1e-5;
 
@@ -172,7 +176,12 @@ impl SearchTask {
         let explanations = concluded.len();
         let few = if explanations <= EXPLANATIONS_MAX { &concluded[..] } else { &[] };
         let followed = halt.each(few.iter().collect(), |found| Followed::all_of(found, &push, time));
-        Found { explanations, followed: kept(followed.into_iter().flatten().collect()), time }
+        let mut followed = merged(followed.into_iter().flatten().collect());
+        if left_out(&followed) > LEFT_OUT_MAX {
+            followed.clear();
+        }
+        followed.truncate(HYPOTHESES_MAX);
+        Found { explanations, followed, time }
     }
 }
 
@@ -321,6 +330,11 @@ impl ForceTracker {
     /// A search of what is felt by now, whether due or not: for the end of a push that is not followed.
     pub fn search_now(&mut self) -> Option<SearchTask> {
         (!self.is_searching && self.hypotheses.is_empty() && self.arriving.is_empty()).then(|| self.search())?
+    }
+
+    /// A search of what is felt by now, whatever is followed: its outcome takes the place of that.
+    pub fn search_again(&mut self) -> Option<SearchTask> {
+        (!self.is_searching).then(|| self.search())?
     }
 
     fn search(&mut self) -> Option<SearchTask> {
@@ -549,7 +563,21 @@ fn is_line(known: &KnownOfFinger, readings: &[ForceReading]) -> bool {
 }
 
 /// The likeliest first, without those that say what a better one says, or that hardly can be.
-fn kept(mut hypotheses: Vec<Followed>) -> Vec<Followed> {
+fn kept(hypotheses: Vec<Followed>) -> Vec<Followed> {
+    let mut kept = merged(hypotheses);
+    kept.truncate(HYPOTHESES_MAX);
+    kept
+}
+
+/// Which share of the probability is in those that are too many to follow.
+fn left_out(hypotheses: &[Followed]) -> f64 {
+    let most = hypotheses.first().map_or(0.0, |best| best.log_weight);
+    let weight = |of: &[Followed]| of.iter().map(|it| (it.log_weight - most).exp()).sum::<f64>();
+    weight(hypotheses.get(HYPOTHESES_MAX..).unwrap_or_default()) / weight(hypotheses).max(f64::MIN_POSITIVE)
+}
+
+/// The likeliest first, without those of no weight, and what is one as one.
+fn merged(mut hypotheses: Vec<Followed>) -> Vec<Followed> {
     hypotheses.sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight));
     let least = hypotheses.first().map_or(f64::NEG_INFINITY, |best| best.log_weight + NEGLIGIBLE.ln());
     let mut kept: Vec<Followed> = Vec::new();
@@ -559,6 +587,5 @@ fn kept(mut hypotheses: Vec<Followed>) -> Vec<Followed> {
             None => kept.push(next),
         }
     }
-    kept.truncate(HYPOTHESES_MAX);
     kept
 }
