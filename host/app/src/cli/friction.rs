@@ -8,9 +8,8 @@ use palpate::pushing::estimation::{Estimate, from_rest};
 use palpate_files::part::PolygonFile;
 use serde_json::{Value, json};
 
-use super::motion_source::AskedMotion;
 use super::read::{read_beside, tell_part};
-use super::watched_push::{MotionArgument, MuUncertainty, WatchedPushArguments, Watching};
+use super::watched_push::{MotionArgument, MuUncertainty, WatchedPushArguments};
 use super::{lacking, misfit, positive};
 use crate::threads::PATIENT;
 use crate::width::folded;
@@ -82,8 +81,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let file = read_beside(&arguments.part, PolygonFile::parse_beside)?;
     tell_part(&arguments.part, file.part.polygon().vertices(), file.part.body(), &file.doubts());
     let watched = arguments.push.with_mu_uncertainty(MuUncertainty::UNMEASURED);
-    let push = watched
-        .watch(AskedMotion::Told(&arguments.motion.file), Watching::TO_ITS_END, &mut |push| push.until_over())?;
+    let push = watched.watch_to_its_end(&arguments.motion.file)?;
     let (force, known, tally) = (push.force()?, push.known(&file), push.watch.tally());
     let estimate = from_rest::estimate_until(&known, &force, &PATIENT).found;
     let weighed = arguments.mass_g.map(|Mass(mass)| mass);

@@ -25,12 +25,11 @@ use palpate_files::recordings::slow_pushes::{FirstTouch, first_touch, of_places,
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::motion_source::AskedMotion;
 use super::plot::PlotArguments;
 use super::read::read;
 use super::told_tables::TableArguments;
 use super::touch_world::pose_mm;
-use super::watched_push::{FeltPushArguments, WatchedPushArguments, Watching};
+use super::watched_push::{FeltPushArguments, WatchedPushArguments};
 use super::{lacking, not_negative, positive};
 use crate::pictures::slow_chain::{ChainPush, figure};
 use crate::recording::{self, Believed, Seen};
@@ -223,8 +222,7 @@ impl SlowObserving<'_> {
         motion: &Path,
         plot: &PlotArguments,
     ) -> miette::Result<ExitCode> {
-        let watched =
-            push.watch(AskedMotion::Told(motion), Watching::TO_ITS_END, &mut |ongoing| ongoing.until_over())?;
+        let watched = push.watch_to_its_end(motion)?;
         watched.was_felt()?;
         let motion = watched.motion();
         // Where contact was lost the rest of the way tells that as well, but a knock on the way back would not.

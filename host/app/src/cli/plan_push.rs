@@ -10,9 +10,8 @@ use palpate::pushing::finger_motion::Segment;
 use palpate_files::part::PolygonFile;
 use serde_json::{Value, json};
 
-use super::motion_source::AskedMotion;
 use super::read::{read_beside, tell_part};
-use super::watched_push::{MotionArgument, WatchedPushArguments, Watching};
+use super::watched_push::{MotionArgument, WatchedPushArguments};
 use super::{lacking, misfit, pose, positive};
 use crate::recording::{self, Believed, Seen};
 use crate::threads::PATIENT;
@@ -92,9 +91,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     arguments.push.begin_recording()?;
     let file = read_beside(&arguments.part, PolygonFile::parse_beside)?;
     tell_part(&arguments.part, file.part.polygon().vertices(), file.part.body(), &file.doubts());
-    let push = arguments
-        .push
-        .watch(AskedMotion::Told(&arguments.motion.file), Watching::TO_ITS_END, &mut |push| push.until_over())?;
+    let push = arguments.push.watch_to_its_end(&arguments.motion.file)?;
     let force = push.force()?;
     let tally = push.watch.tally();
     let known = push.known(&file);

@@ -475,6 +475,11 @@ impl WatchedPushArguments {
         Self { felt: FeltPushArguments { mu_uncertainty, ..self.felt }, ..self.clone() }
     }
 
+    /// Watches a push, the finger moving as this file says, to look at it when it is over.
+    pub(super) fn watch_to_its_end(&self, motion: &Path) -> miette::Result<WatchedPush> {
+        self.watch(AskedMotion::Told(motion), Watching::TO_ITS_END, &mut |ongoing| ongoing.until_over())
+    }
+
     /// Watches a push, the finger moving as is told there, until `look` has seen enough.
     pub(super) fn watch(
         &self,

@@ -21,11 +21,10 @@ use serde_json::json;
 use super::lacking;
 use super::library::part_files;
 use super::misfit;
-use super::motion_source::AskedMotion;
 use super::plan_push;
 use super::pose;
 use super::read::{read, read_beside, tell_part};
-use super::watched_push::{MotionArgument, WatchedPush, WatchedPushArguments, Watching};
+use super::watched_push::{MotionArgument, WatchedPush, WatchedPushArguments};
 use crate::progress::{self, Progress};
 use crate::recording::{self, Believed, Seen};
 use crate::threads::{PATIENT, of_each};
@@ -77,9 +76,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     arguments.push.begin_recording()?;
     let candidates = arguments.candidates()?;
     let beforehand = beforehand(&candidates, arguments.earlier.as_deref())?;
-    let push = arguments
-        .push
-        .watch(AskedMotion::Told(&arguments.motion.file), Watching::TO_ITS_END, &mut |push| push.until_over())?;
+    let push = arguments.push.watch_to_its_end(&arguments.motion.file)?;
     let force = push.force()?;
     let tally = push.watch.tally();
     let shortlist = arguments.shortlist(&candidates, &beforehand, &push, &force);
