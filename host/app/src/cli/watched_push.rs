@@ -205,18 +205,6 @@ impl FeltPushArguments {
         }
     }
 
-    /// A finger about to rest and then to push, along the robot's axes, of which an estimate is due so often; a tare of a
-    /// finger under load is refused where its front-end is given.
-    pub(super) fn watch(&self, every_s: f64, calibration: &Calibration, front_end: Option<FrontEnd>) -> PushWatch {
-        let settings = WatchSettings { rest_s: self.tare, every_s };
-        let calibration = calibration.mounted(self.mounting()).with_scale_sd(SCALE_SD);
-        let watch = PushWatch::new(settings, Some(&calibration));
-        match front_end {
-            Some(front_end) => watch.behind(front_end),
-            None => watch,
-        }
-    }
-
     /// With what a calibration says of the finger, where there is one; what is only taken for it is told.
     pub(super) fn with(self, calibration: Option<&CalibrationFile>) -> FeltPush {
         let mut finger = calibration.map_or(CarriedFinger::UNKNOWN, CalibrationFile::carried);
@@ -249,6 +237,18 @@ impl FeltPushArguments {
 }
 
 impl FeltPush {
+    /// A finger about to rest and then to push, along the robot's axes, of which an estimate is due so often; a tare of a
+    /// finger under load is refused where its front-end is given.
+    pub(super) fn watch(&self, every_s: f64, calibration: &Calibration, front_end: Option<FrontEnd>) -> PushWatch {
+        let settings = WatchSettings { rest_s: self.arguments.tare, every_s };
+        let calibration = calibration.mounted(self.arguments.mounting()).with_scale_sd(SCALE_SD);
+        let watch = PushWatch::new(settings, Some(&calibration)).carried(self.finger);
+        match front_end {
+            Some(front_end) => watch.behind(front_end),
+            None => watch,
+        }
+    }
+
     /// Of the finger's disk, m.
     pub(super) fn radius(&self) -> f64 {
         self.arguments.radius()
@@ -497,8 +497,8 @@ impl WatchedPushArguments {
                     judged_forces(path, &self.tables)?.into_iter().map(|it| it.mounted(self.felt.mounting())).collect();
                 motion.read_all()?;
                 let Some(known) = motion.known() else { return Err(motion.lacks()) };
-                let watch = RecordedWatch::new(settings, None, &judged, known).map_err(not_at_rest);
-                let watch = watch.wrap_err_with(named)?;
+                let watch = RecordedWatch::new(PushWatch::new(settings, None).carried(felt.finger), &judged, known);
+                let watch = watch.map_err(not_at_rest).wrap_err_with(named)?;
                 let of_push = (&judged[..], known, motion.path(), felt);
                 (felt, watch_recording(watch, watching.watched, of_push, look).wrap_err_with(named)?)
             }
@@ -528,7 +528,7 @@ impl WatchedPushArguments {
         let front_end = live::front_end(session.hello()).advised()?;
         let is_checked = self.finger.offset.expected(&calibration, &front_end).is_some();
         let mounting = self.felt.mounting();
-        let mut watch = self.felt.watch(settings.every_s, &calibration, is_checked.then_some(front_end));
+        let mut watch = felt.watch(settings.every_s, &calibration, is_checked.then_some(front_end));
         let mut judge = CountsJudge::new(&calibration);
         let mut failed = None;
         let mut inputs = InputsSeen::default();

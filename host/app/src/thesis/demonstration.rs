@@ -154,7 +154,7 @@ impl Rig {
     /// [`RigError`].
     pub fn push(&mut self, course: CarriedCourse) -> Result<SensedPush, RigError> {
         let (rest, mut readings) = self.rest_noise()?;
-        let mut sense = PushSense::new(rest, Some(&self.fit.calibration));
+        let mut sense = PushSense::new(rest, Some(&self.fit.calibration)).carried(&self.finger);
         let duration = course.duration_s();
         let begun_s = self.hand.set_course(course)?.truth.time_ns as f64 * 1e-9;
         let push = self.readings_until(begun_s + duration + AFTER_S)?;

@@ -234,9 +234,9 @@ impl Arguments {
         let board = server.board();
         let (observer, motion) = match pushed {
             Some((part, motion)) => {
-                let watch =
-                    self.felt.watch(self.every, &finger.calibration, finger.expected_offset().map(|(_, end)| *end));
-                let known = Known { file: part, felt: self.felt.with(Some(&file)), watch };
+                let felt = self.felt.with(Some(&file));
+                let watch = felt.watch(self.every, &finger.calibration, finger.expected_offset().map(|(_, end)| *end));
+                let known = Known { file: part, felt, watch };
                 (Some(Observer::start(known, board.clone())?), Some(motion))
             }
             None => (None, None),

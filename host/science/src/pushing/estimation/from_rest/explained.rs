@@ -107,6 +107,7 @@ mod tests {
             bias: Matrix2::zeros(),
             calibration: None,
             onset_sd: 0.0,
+            model_share: CarriedFinger::RIGID.model_share(),
         };
         let own = 0.02;
         let felt: Vec<_> = (0..hann_windows::count(drawn.played.duration()))

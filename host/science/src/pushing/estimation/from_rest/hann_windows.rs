@@ -6,7 +6,7 @@
 //!
 //! Times are since the onset, s. Errors: none.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 use nalgebra::Vector2;
 
@@ -36,6 +36,12 @@ pub fn count(duration: f64) -> usize {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not below 0; seconds over a hop")]
     let count = if past < 0.0 { 0 } else { past as usize + 1 };
     count
+}
+
+/// What a window lets through of an oscillation at the most, as a share of it; of slower ones than two in a window, all.
+pub(super) fn let_through(frequency_hz: f64) -> f64 {
+    let periods = frequency_hz * LENGTH_S;
+    if periods < 2.0 { 1.0 } else { 1.0 / (PI * periods * (periods * periods - 1.0)) }
 }
 
 /// A share of a hop that rounding of times can reach.
@@ -88,4 +94,32 @@ pub(super) fn mean_of_grid(window: usize, grid: &[Vector2<f64>]) -> Vector2<f64>
     ];
     let first = GRID_HOP * window + 1;
     WEIGHTS.iter().zip(&grid[first..]).map(|(weight, value)| value * *weight).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against sums over the window of oscillations at all phases: never more, and at its most no less.
+    #[test]
+    fn a_window_lets_through_what_it_does_of_an_oscillation() {
+        const STEPS: u32 = 4000;
+        let most = |frequency: f64| {
+            let times = (0..STEPS).map(|step| (f64::from(step) + 0.5) * LENGTH_S / f64::from(STEPS));
+            let [along, across] = times.fold([0.0, 0.0], |[along, across], time| {
+                let (sin, cos) = (TAU * frequency * time).sin_cos();
+                [along + weight(0, time) * cos, across + weight(0, time) * sin]
+            });
+            along.hypot(across) / f64::from(STEPS)
+        };
+        let mut nearest = f64::INFINITY;
+        for frequency in (60..400).map(f64::from) {
+            let (all, told) = (most(frequency), let_through(frequency));
+            assert!(all <= 1.001 * told, "{frequency} Hz: {all} of {told}");
+            nearest = nearest.min(told / all);
+        }
+        assert!(nearest < 1.01, "{nearest}");
+        // The default finger rings at 177 Hz: see the module's beginning.
+        assert!((let_through(177.3) - 9e-4).abs() < 5e-5);
+    }
 }

@@ -366,6 +366,7 @@ mod tests {
             bias: Matrix2::zeros(),
             calibration: None,
             onset_sd: 3e-4,
+            model_share: CarriedFinger::RIGID.model_share(),
         };
         WindowedForce::new((0..hann_windows::count(motion.duration())).map(mean).collect(), &uncertainty).unwrap()
     }

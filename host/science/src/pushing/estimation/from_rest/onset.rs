@@ -17,7 +17,9 @@ use crate::finger::calibration::Calibration;
 use crate::finger::contact::{Averaging, Reading, Tare, TareError, TareSettings};
 use crate::math::statistics::mean;
 use crate::pushing::estimation::from_rest::hann_windows::{self, HOP_S, LENGTH_S, NEIGHBOUR_CORRELATION};
-use crate::pushing::estimation::from_rest::{CalibrationUncertainty, Uncertainty, WINDOWS_MIN, WindowedForce};
+use crate::pushing::estimation::from_rest::{
+    CalibrationUncertainty, CarriedFinger, Uncertainty, WINDOWS_MIN, WindowedForce,
+};
 
 /// The force has left the noise when it is this many standard deviations of a reading, for [`CONFIRMED`] readings of
 /// [`ATTEMPTS`] in a row: by chance once in a year.
@@ -206,6 +208,8 @@ enum Stage {
 pub struct PushSense {
     rest: RestNoise,
     calibration: Option<CalibrationUncertainty>,
+    /// What a prediction of a window may be off by, as a share of the force.
+    model_share: f64,
     stage: Stage,
     /// Readings from just before the onset on, until it is known.
     recent: Vec<Reading>,
@@ -225,11 +229,18 @@ impl PushSense {
         Self {
             rest,
             calibration,
+            model_share: CarriedFinger::RIGID.model_share(),
             stage: Stage::Waiting,
             recent: Vec::new(),
             now: f64::NEG_INFINITY,
             knocks: Vec::new(),
         }
+    }
+
+    /// The same, of a finger that rings as heavy and as soft as it is.
+    #[must_use]
+    pub fn carried(self, finger: &CarriedFinger) -> Self {
+        Self { model_share: finger.model_share(), ..self }
     }
 
     /// Takes a reading, bias included.
@@ -399,6 +410,7 @@ impl PushSense {
             bias: self.rest.bias_covariance,
             calibration: self.calibration,
             onset_sd: windows.onset_sd,
+            model_share: self.model_share,
         };
         let end = hann_windows::end(kept - 1);
         let times: Vec<_> = windows.readings.iter().map(|reading| reading.t).take_while(|time| *time < end).collect();

@@ -32,6 +32,16 @@ use crate::search::{Halt, check_stopping, never};
 /// Noise of a window's mean, N: that of the default finger.
 const NOISE_N: f64 = 1e-3;
 
+/// Noise of which the size is known, and nothing else that is not; of none.
+const UNCERTAIN: Uncertainty = Uncertainty {
+    noise: Matrix2::new(0.0, 0.0, 0.0, 0.0),
+    noise_freedom: f64::INFINITY,
+    bias: Matrix2::new(0.0, 0.0, 0.0, 0.0),
+    calibration: None,
+    onset_sd: 0.0,
+    model_share: 2e-4,
+};
+
 /// What windows predicted on a grid may be off by, relative to the force: see [`hann_windows::GRID_S`].
 const PREDICTION_ERROR: f64 = 1e-3;
 
@@ -81,11 +91,7 @@ fn measured(drawn: &Drawn, draw: &mut Draw, duration: f64) -> WindowedForce {
     let mut means = true_windows(&drawn.played, hann_windows::count(duration));
     means.iter_mut().for_each(|mean| *mean += Vector2::new(draw.normal(), draw.normal()) * NOISE_N);
     let noise = Matrix2::identity() * NOISE_N * NOISE_N;
-    WindowedForce::new(
-        means,
-        &Uncertainty { noise, noise_freedom: f64::INFINITY, bias: Matrix2::zeros(), calibration: None, onset_sd: 0.0 },
-    )
-    .unwrap()
+    WindowedForce::new(means, &Uncertainty { noise, ..UNCERTAIN }).unwrap()
 }
 
 fn known<'a>(part: &'a Part, ranges: &'a Ranges) -> KnownFromRest<'a> {
@@ -662,13 +668,7 @@ fn vertices_along_the_edges_change_no_answer() {
 fn what_was_found_early_is_followed_to_the_same_end() {
     let (part, ranges, drawn, mut draw) = drawn(5);
     let (known, whole) = (known(&part, &ranges), measured(&drawn, &mut draw, ranges.motion.duration()));
-    let noise = Uncertainty {
-        noise: Matrix2::identity() * NOISE_N * NOISE_N,
-        noise_freedom: f64::INFINITY,
-        bias: Matrix2::zeros(),
-        calibration: None,
-        onset_sd: 0.0,
-    };
+    let noise = Uncertainty { noise: Matrix2::identity() * NOISE_N * NOISE_N, ..UNCERTAIN };
     let early = WindowedForce::new(whole.forces_finger()[..19].iter().flatten().copied().collect(), &noise).unwrap();
     let (followed, sought) = (follow(&known, &whole, &estimate(&known, &early)), estimate(&known, &whole));
     let costs = |estimate: &Estimate| estimate.hypotheses.first().map_or(f64::NAN, |hypothesis| hypothesis.cost);
@@ -698,8 +698,7 @@ fn noise_from_few_windows_excludes_the_truth_no_more_often() {
             let square = |value: &Vector2<f64>| (value - centre) * (value - centre).transpose();
             let freedom = rest as f64 - 1.0;
             let noise = values.iter().map(square).sum::<Matrix2<f64>>() / freedom;
-            let uncertainty =
-                Uncertainty { noise, noise_freedom: freedom, bias: Matrix2::zeros(), calibration: None, onset_sd: 0.0 };
+            let uncertainty = Uncertainty { noise, noise_freedom: freedom, ..UNCERTAIN };
             // Neighbouring windows are alike a little: a moving sum of white noise.
             let white: Vec<_> = (0..=WINDOWS).map(|_| Vector2::new(draw.normal(), draw.normal())).collect();
             // a² + b² = 1 and a b = 1/6.

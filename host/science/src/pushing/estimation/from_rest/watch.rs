@@ -12,7 +12,7 @@
 use std::collections::VecDeque;
 
 use super::onset::{PushSense, RestNoise, Touch};
-use super::{Estimate, KnownFromRest, WINDOWS_MIN, WindowedForce, estimate_until, follow, hann_windows};
+use super::{CarriedFinger, Estimate, KnownFromRest, WINDOWS_MIN, WindowedForce, estimate_until, follow, hann_windows};
 use crate::finger::calibration::{Calibration, FrontEnd};
 use crate::finger::contact::{Reading, TareError};
 use crate::finger::judge::{Judged, Tally};
@@ -51,6 +51,7 @@ enum Stage {
 pub struct PushWatch {
     settings: WatchSettings,
     calibration: Option<Calibration>,
+    finger: CarriedFinger,
     /// Where the tare is held against the calibration's offset.
     front_end: Option<FrontEnd>,
     stage: Stage,
@@ -82,6 +83,7 @@ impl PushWatch {
         Self {
             settings,
             calibration: calibration.cloned(),
+            finger: CarriedFinger::RIGID,
             front_end: None,
             stage: Stage::Resting(RestStretch::new(settings.rest_s)),
             rest: Vec::new(),
@@ -91,6 +93,12 @@ impl PushWatch {
             last: None,
             next_s: 0.0,
         }
+    }
+
+    /// The same, of a finger that rings as heavy and as soft as it is.
+    #[must_use]
+    pub fn carried(self, finger: CarriedFinger) -> Self {
+        Self { finger, ..self }
     }
 
     /// The same, of a finger with this front-end: a tare of a finger under load is refused.
@@ -137,7 +145,7 @@ impl PushWatch {
         if let (Some(calibration), Some(front_end)) = (&self.calibration, &self.front_end) {
             check_offset(&noise.bias, calibration, front_end)?;
         }
-        let sense = PushSense::new(noise, self.calibration.as_ref());
+        let sense = PushSense::new(noise, self.calibration.as_ref()).carried(&self.finger);
         self.rest = rest.readings().to_vec();
         self.stage = Stage::Sensing(Box::new(sense));
         Ok(())
@@ -275,18 +283,12 @@ struct FeltContact {
 }
 
 impl RecordedWatch {
-    /// Takes the rest at the beginning of a recording, and finds the push: the first contact that lasts as long as the
-    /// finger's motion, or else the longest.
+    /// Takes the rest at the beginning of a recording with a watch that has taken nothing, and finds the push: the first contact
+    /// that lasts as long as the finger's motion, or else the longest.
     ///
     /// # Errors
     /// As [`PushWatch::take`].
-    pub fn new(
-        settings: WatchSettings,
-        calibration: Option<&Calibration>,
-        judged: &[Judged],
-        motion: &FingerMotion,
-    ) -> Result<Self, TareError> {
-        let mut watch = PushWatch::new(settings, calibration);
+    pub fn new(mut watch: PushWatch, judged: &[Judged], motion: &FingerMotion) -> Result<Self, TareError> {
         let mut rested = 0;
         while let Some(item) = judged.get(rested).filter(|_| watch.sense().is_none()) {
             watch.take([*item])?;
@@ -382,7 +384,7 @@ mod tests {
 
     /// Watches a recording to the end of its push.
     fn watched(judged: &[Judged]) -> (RecordedWatch, PushWatch) {
-        let recorded = RecordedWatch::new(SETTINGS, None, judged, &motion()).unwrap();
+        let recorded = RecordedWatch::new(PushWatch::new(SETTINGS, None), judged, &motion()).unwrap();
         let mut watch = recorded.watch.clone();
         for item in &judged[recorded.from..] {
             watch.take([*item]).unwrap();

@@ -15,6 +15,8 @@
 //! force.
 //! Errors: [`WindowedForce::new`] gives none where there is nothing to compare.
 
+use std::f64::consts::TAU;
+
 use nalgebra::{DVector, Matrix2, Matrix2x4, Matrix4, Vector2};
 
 use super::felt::{Felt, Predicted, drift_weights};
@@ -29,6 +31,9 @@ use crate::pushing::finger_motion::FingerMotion;
 /// twice as much truths cost half of what chance would have them cost, with half as much ringing ones too much.
 const MODEL_SHARE: f64 = 2e-4;
 
+/// Of what a window lets through of a finger's ringing at the most, so much counts: it dies down, and is at any phase.
+const RINGING_SHARE: f64 = 0.2;
+
 /// How uncertain the windows' means are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Uncertainty {
@@ -42,6 +47,8 @@ pub struct Uncertainty {
     pub calibration: Option<CalibrationUncertainty>,
     /// Standard deviation of the moment of the onset, s.
     pub onset_sd: f64,
+    /// What a prediction may be off by, as a share of the force: [`CarriedFinger::model_share`].
+    pub model_share: f64,
 }
 
 /// The finger's matrix and its uncertainty.
@@ -76,6 +83,16 @@ impl CarriedFinger {
 
     /// One of which nothing is known: about what a disk of steel or a fingertip of plastic with its beam weighs.
     pub const UNKNOWN: Self = Self { effective_mass: 0.02, effective_mass_sd: 0.02, ..Self::RIGID };
+
+    /// What a prediction of a window may be off by, as a share of the force: a heavy finger on a soft beam rings slowly, and a
+    /// window takes less out of that.
+    #[must_use]
+    pub fn model_share(&self) -> f64 {
+        // One that does not bend does not ring.
+        let ringing_s = TAU * (self.effective_mass * self.compliance).max(0.0).sqrt();
+        let rings = if ringing_s > 0.0 { hann_windows::let_through(ringing_s.recip()) } else { 0.0 };
+        MODEL_SHARE.max(RINGING_SHARE * rings)
+    }
 
     /// What is not known of where the disk is under a force (N): covariance of its place, and of a part's beside it, m².
     #[must_use]
@@ -467,7 +484,7 @@ fn uncertain(felt: &[Window], uncertainty: &Uncertainty, onset_sd: f64) -> Vec<U
         let before = place.checked_sub(1).map(|before| &felt[before]);
         let with_previous = before.filter(|before| before.window + 1 == at.window);
         Uncertain {
-            noise: noise / at.covered + Matrix2::identity() * (MODEL_SHARE * at.force.norm()).powi(2),
+            noise: noise / at.covered + Matrix2::identity() * (uncertainty.model_share * at.force.norm()).powi(2),
             with_previous: with_previous
                 .map_or_else(Matrix2::zeros, |before| noise * (NEIGHBOUR_CORRELATION / covered(before))),
             common,
