@@ -225,11 +225,7 @@ where
             self.follower.adopt(known, found);
             self.follower.finish(known);
         }
-        // Of readings as noisy as those of a measured motion the push as a whole tells more surely than what was followed of it.
-        let task = match ongoing.path {
-            Some(_) => self.follower.search_again(),
-            None => self.follower.search_now(),
-        };
+        let task = self.follower.search_now();
         if let Some(task) = &task {
             self.search_here(known, task);
         }

@@ -35,6 +35,17 @@ impl<const N: usize> Gaussian<N> {
         Self { mean, covariance }
     }
 
+    /// Mean and covariance of several, each of a share of them all. What is exact and the same in all stays so.
+    pub(crate) fn of_mixture(members: &[(f64, Self)]) -> Self {
+        let first = members.first().map_or_else(SVector::zeros, |(_, first)| first.mean);
+        let mean = first + members.iter().map(|(share, of)| (of.mean - first) * *share).sum::<SVector<f64, N>>();
+        let covariance = members.iter().map(|(share, of)| {
+            let off = of.mean - mean;
+            (of.covariance + off * off.transpose()) * *share
+        });
+        Self { mean, covariance: covariance.sum() }
+    }
+
     /// Without what a number being known to be its mean would tell: it has no part in anything any more.
     pub(crate) fn fix(&mut self, place: usize, at: f64) {
         self.mean[place] = at;
@@ -121,6 +132,20 @@ mod tests {
         let of_points = Gaussian::of_points(&points);
         assert!((of_points.mean - gaussian().mean).norm() < 1e-12);
         assert!((of_points.covariance - gaussian().covariance).norm() < 1e-12);
+    }
+
+    /// As of the points of them all; what is known in all stays known to the last bit.
+    #[test]
+    fn a_mixture_has_the_mean_and_covariance_of_all() {
+        let one = gaussian();
+        let other = Gaussian { mean: one.mean + Vector3::new(3.0, 0.0, -0.7), covariance: one.covariance * 0.1 };
+        let mixture = Gaussian::of_mixture(&[(0.5, one), (0.5, other)]);
+        let all = Gaussian::of_points(&[points(&one), points(&other)].concat());
+        assert!((mixture.mean - all.mean).norm() < 1e-12 && (mixture.covariance - all.covariance).norm() < 1e-12);
+        assert_eq!((mixture.mean.y, mixture.covariance[(1, 1)]), (2.0, 0.0));
+        assert_eq!(Gaussian::of_mixture(&[(1.0, one)]), one);
+        let thirds = Gaussian::of_mixture(&[(0.1, one), (0.2, one), (0.7, other)]);
+        assert_eq!((thirds.mean.y, thirds.covariance[(1, 1)]), (2.0, 0.0));
     }
 
     /// Where all is straight, the answer is that of Bayes: (C⁻¹ + Hᵀ R⁻¹ H)⁻¹ of the two that are uncertain.

@@ -330,6 +330,18 @@ impl<'a, 'p> FeltPush<'a, 'p> {
         self.concluded(&self.minimum(guess, true, halt)?.found, &Looked { is_walked, ..Looked::ALONE }, halt)
     }
 
+    /// What is at the same place as one that slipped and never did, where that is as possible; the search tells them apart no
+    /// more than their poses, but what comes next does. Its probability is relative to that of the best.
+    fn rolled_as_well(&self, slipped: &Concluded, best: &Concluded, halt: &Halt<'_>) -> Option<Concluded> {
+        if !slipped.at_end.slipped || self.known.mu_c.is_some() || slipped.guess.slide != 0.0 {
+            return None;
+        }
+        let mut rolled = self.followed(Guess { mu_c: f64::INFINITY, ..slipped.guess }, false, halt)?;
+        rolled.found.probability *= (-0.5 * (rolled.cost - best.cost)).exp();
+        let is_near = is_one_place(&rolled.guess, &rolled.end, &slipped.guess, &slipped.end);
+        (is_near && !rolled.at_end.slipped && rolled.cost <= rolled.cost_max.min(best.cost + GATE)).then_some(rolled)
+    }
+
     /// The same before anything is said of it; none where the finger cannot be there.
     fn minimum(&self, guess: Guess, thoroughly: bool, halt: &Halt<'_>) -> Option<Minimum> {
         let found = if self.known.has_numbers() || self.path.is_some() {

@@ -278,11 +278,6 @@ impl PushFollower {
         self.push.as_mut()?.tracker.as_mut()?.search_now()
     }
 
-    /// A search of all that is felt by now, whatever is followed.
-    pub fn search_again(&mut self) -> Option<SearchTask> {
-        self.push.as_mut()?.tracker.as_mut()?.search_again()
-    }
-
     /// Takes all hypotheses on to the last reading, however long it takes: for the end of a push.
     pub fn finish(&mut self, known: &KnownOfFinger) {
         let known = self.known(known);

@@ -16,7 +16,9 @@ mod followed;
 #[cfg(test)]
 mod tests;
 
-use nalgebra::{Isometry2, Matrix6, SVector, Vector2, Vector6};
+use std::f64::consts::PI;
+
+use nalgebra::{Isometry2, Matrix6, SVector, Vector2};
 
 use followed::{Followed, Stretch};
 
@@ -64,13 +66,12 @@ const READINGS_MIN: usize = 12;
 /// But no fewer readings than this, or they would never be at the last.
 const READINGS_EACH_MIN: usize = 2;
 
-/// Hypotheses at the most: at 30 µs each a step takes 8 ms. A search may find a long valley in as many pieces; with half as many
-/// its ends would be lost, and the pose be told too narrowly.
+/// Hypotheses at the most: at 30 µs each a step takes 8 ms. Where there are more, neighbours are joined: of those that would be
+/// left out the pose would be told too narrowly.
 const HYPOTHESES_MAX: usize = 256;
 
-/// What of a search's answers does not fit into so many may be this much of their probability: with more left out, what is followed
-/// would be told too narrowly, and nothing is.
-const LEFT_OUT_MAX: f64 = 0.01;
+/// Hypotheses that are joined are looked for so much further apart each time, until they are few enough.
+const WIDER: f64 = 1.5;
 
 /// One whose probability is this share of the best one's is followed no further.
 const NEGLIGIBLE: f64 = 1e-5;
@@ -175,13 +176,10 @@ impl SearchTask {
         let concluded = listed(push.all(false, &halt));
         let explanations = concluded.len();
         let few = if explanations <= EXPLANATIONS_MAX { &concluded[..] } else { &[] };
-        let followed = halt.each(few.iter().collect(), |found| Followed::all_of(found, &push, time));
-        let mut followed = merged(followed.into_iter().flatten().collect());
-        if left_out(&followed) > LEFT_OUT_MAX {
-            followed.clear();
-        }
-        followed.truncate(HYPOTHESES_MAX);
-        Found { explanations, followed, time }
+        let rolled = halt.each(few.iter().collect(), |found| push.rolled_as_well(found, &few[0], &halt));
+        let all: Vec<_> = few.iter().chain(rolled.iter().flatten()).collect();
+        let followed = halt.each(all, |found| Followed::all_of(found, &push, time));
+        Found { explanations, followed: kept(followed.into_iter().flatten().collect()), time }
     }
 }
 
@@ -330,11 +328,6 @@ impl ForceTracker {
     /// A search of what is felt by now, whether due or not: for the end of a push that is not followed.
     pub fn search_now(&mut self) -> Option<SearchTask> {
         (!self.is_searching && self.hypotheses.is_empty() && self.arriving.is_empty()).then(|| self.search())?
-    }
-
-    /// A search of what is felt by now, whatever is followed: its outcome takes the place of that.
-    pub fn search_again(&mut self) -> Option<SearchTask> {
-        (!self.is_searching).then(|| self.search())?
     }
 
     fn search(&mut self) -> Option<SearchTask> {
@@ -531,13 +524,7 @@ impl Cluster<'_> {
     /// Mean and covariance of all.
     fn joined(&self) -> Gaussian<6> {
         let total = self.weight();
-        let share = |weight: f64| weight / total;
-        let mean: Vector6<f64> = self.members.iter().map(|(_, of, weight)| of.mean * share(*weight)).sum();
-        let covariance = self.members.iter().map(|(_, of, weight)| {
-            let off = of.mean - mean;
-            (of.covariance + off * off.transpose()) * share(*weight)
-        });
-        Gaussian { mean, covariance: covariance.sum() }
+        Gaussian::of_mixture(&self.members.iter().map(|(_, of, weight)| (weight / total, *of)).collect::<Vec<_>>())
     }
 }
 
@@ -562,30 +549,33 @@ fn is_line(known: &KnownOfFinger, readings: &[ForceReading]) -> bool {
     misfit(0) + misfit(1) < chi_square_quantile(1.0 - LINE_CHANCE, freedom)
 }
 
-/// The likeliest first, without those that say what a better one says, or that hardly can be.
-fn kept(hypotheses: Vec<Followed>) -> Vec<Followed> {
-    let mut kept = merged(hypotheses);
-    kept.truncate(HYPOTHESES_MAX);
-    kept
-}
-
-/// Which share of the probability is in those that are too many to follow.
-fn left_out(hypotheses: &[Followed]) -> f64 {
-    let most = hypotheses.first().map_or(0.0, |best| best.log_weight);
-    let weight = |of: &[Followed]| of.iter().map(|it| (it.log_weight - most).exp()).sum::<f64>();
-    weight(hypotheses.get(HYPOTHESES_MAX..).unwrap_or_default()) / weight(hypotheses).max(f64::MIN_POSITIVE)
-}
-
-/// The likeliest first, without those of no weight, and what is one as one.
-fn merged(mut hypotheses: Vec<Followed>) -> Vec<Followed> {
+/// The likeliest first, without those that hardly can be, and neighbours as one: those that say the same, and where there are
+/// too many to follow, also those that are wider apart.
+fn kept(mut hypotheses: Vec<Followed>) -> Vec<Followed> {
     hypotheses.sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight));
     let least = hypotheses.first().map_or(f64::NEG_INFINITY, |best| best.log_weight + NEGLIGIBLE.ln());
-    let mut kept: Vec<Followed> = Vec::new();
-    for next in hypotheses.into_iter().take_while(|next| next.log_weight >= least) {
-        match kept.iter_mut().find(|other| other.is_one_with(&next, &SAME)) {
-            Some(other) => other.log_weight += (next.log_weight - other.log_weight).exp().ln_1p(),
-            None => kept.push(next),
+    hypotheses.truncate(hypotheses.partition_point(|it| it.log_weight >= least));
+    let mut near = SAME;
+    hypotheses = joined(hypotheses, &near);
+    // Beyond half a turn all of one edge are joined that move alike.
+    while hypotheses.len() > HYPOTHESES_MAX && near[0] < PI {
+        near = near.map(|near| near * WIDER);
+        hypotheses = joined(hypotheses, &near);
+    }
+    hypotheses.truncate(HYPOTHESES_MAX);
+    hypotheses
+}
+
+/// Each with those that are so near to it, the likeliest first again.
+fn joined(hypotheses: Vec<Followed>, near: &[f64; 3]) -> Vec<Followed> {
+    let mut joined: Vec<Vec<Followed>> = Vec::new();
+    for next in hypotheses {
+        match joined.iter_mut().find(|others| others[0].is_one_with(&next, near)) {
+            Some(others) => others.push(next),
+            None => joined.push(vec![next]),
         }
     }
-    kept
+    let mut joined: Vec<_> = joined.into_iter().filter_map(Followed::joined).collect();
+    joined.sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight));
+    joined
 }

@@ -241,7 +241,14 @@ impl Followed {
     /// Whether another may be a piece of the same.
     pub(super) fn is_beside(&self, other: &Self) -> bool {
         let off = self.belief.mean - other.belief.mean;
-        self.edge == other.edge && off[0].abs() < 2.0 * PIECES_APART * STRAIGHT_RAD && off[1].abs() < BESIDE_M
+        // As far apart as two pieces and one between them, however wide they are.
+        let apart = |place: usize, least: f64| {
+            let variance = self.belief.covariance[(place, place)].max(other.belief.covariance[(place, place)]);
+            (2.0 * PIECES_APART * variance.max(0.0).sqrt()).max(least)
+        };
+        self.edge == other.edge
+            && off[0].abs() < apart(0, 2.0 * PIECES_APART * STRAIGHT_RAD)
+            && off[1].abs() < apart(1, BESIDE_M)
     }
 
     /// Whether another says the same of where the part is and how it moves.
@@ -249,7 +256,25 @@ impl Followed {
         let off = self.belief.mean - other.belief.mean;
         self.edge == other.edge
             && self.has_mu_c == other.has_mu_c
+            && self.slides_forward() == other.slides_forward()
             && near.iter().zip(off.iter()).all(|(near, off)| off.abs() < *near)
+    }
+
+    /// Whether the contact slides forward; none of one that rolls.
+    fn slides_forward(&self) -> Option<bool> {
+        self.contact.signed_friction().map(|_| self.belief.mean[BELIEF_SLIDE] > 0.0)
+    }
+
+    /// Those that are one as one: a Gaussian of the mean and the covariance of all; none of none. What else there is of one is
+    /// the first's, which is the likeliest.
+    pub(super) fn joined(members: Vec<Self>) -> Option<Self> {
+        let first = members.first()?;
+        let share = |member: &Self| (member.log_weight - first.log_weight).exp();
+        let all: f64 = members.iter().map(share).sum();
+        let weighed: Vec<_> = members.iter().map(|member| (share(member) / all, member.belief)).collect();
+        let (belief, log_weight) = (Gaussian::of_mixture(&weighed), first.log_weight + all.ln());
+        let joined = members.into_iter().next()?;
+        Some(Self { belief, log_weight, ..joined })
     }
 
     fn guess(&self, at: &SVector<f64, BELIEF>) -> Guess {
@@ -428,7 +453,8 @@ impl Followed {
             let mut slipping = Self { has_mu_c: true, before: VecDeque::new(), ..(**start).clone() };
             slipping.belief.mean[BELIEF_MU_C] = from + (place + 0.5) * share;
             slipping.belief.covariance[(BELIEF_MU_C, BELIEF_MU_C)] = share * share / 12.0;
-            slipping.log_weight -= count.ln();
+            // Any friction beyond what rolling took is as likely, as the search has it.
+            slipping.log_weight += (share / (MU_C_MAX - held)).ln();
             self.before.iter().skip(first).try_fold(slipping, |slipping, (start, reading)| {
                 slipping.step(&Stretch::new(known, start.time, reading.time)?, reading)
             })
