@@ -28,7 +28,7 @@ fn in_words(known: &KnownFromRest, misfit: &Misfit) -> String {
     }
     if misfit.mistakes.is_empty() {
         sentences.push(
-            "None of the usual mistakes explains it (signs, axes, ramps, radius, units, mu): is it this part, on this face, did \
+            "None of the usual mistakes explains it (signs, axes, ramps, radius, units, mu, a drifting zero): is it this part, on this face, did \
              the finger move as stated, was it at rest before, did it touch one edge alone?"
                 .to_owned(),
         );
@@ -72,6 +72,11 @@ fn sentence(known: &KnownFromRest, mistake: &Mistake) -> String {
             "With mu = {:.3} a pose fits: the part file says {:.3}.",
             mu_g / GRAVITY_ASSUMED,
             known.mu_g / GRAVITY_ASSUMED
+        ),
+        Mistake::BiasDrift(drift) => format!(
+            "If the reading without force drifts by {:.1} mN/s during the push a pose fits: does it stay after the push, with the finger \
+             free (`palpate diagnose`)? A gauge may come off, or a hand or a draught warm the beam; then tare and push again.",
+            drift.norm() * 1e3
         ),
     }
 }
@@ -130,6 +135,7 @@ mod tests {
             (Mistake::Radius(0.0082), "radius 8.20 mm a pose fits (--radius-mm): 15.00 mm was told"),
             (unit(Lengths::OfPart, 1e-3), "the part's lengths 1000 times shorter"),
             (unit(Lengths::OfMotion, 25.4), "25.4 times as long a pose fits: check `unit` in the motion's file"),
+            (Mistake::BiasDrift(Vector2::new(3e-3, -4e-3)), "drifts by 5.0 mN/s during the push a pose fits"),
             (Mistake::Friction(0.5 * GRAVITY_ASSUMED), "mu = 0.500 a pose fits: the part file says 0.250"),
         ] {
             let said = told(Some(mistake), 0.3);

@@ -53,7 +53,7 @@ impl KnownFromRest<'_> {
     pub fn explainable(&self, measured: &WindowedForce) -> Vec<(f64, Vector2<f64>)> {
         let of_contact = measured.of_contact(self.motion, self.finger);
         let windows = of_contact.forces_finger().iter().enumerate();
-        windows.filter_map(|(window, felt)| Some((middle(window), (*felt)?))).collect()
+        windows.filter_map(|(window, felt)| Some((hann_windows::middle(window), (*felt)?))).collect()
     }
 
     /// What an answer leaves of the force that it was found from, window by window; where not all is known of the part, what
@@ -73,13 +73,10 @@ impl KnownFromRest<'_> {
         let windows = measured.forces_finger().iter().enumerate().filter_map(|(window, felt)| Some((window, (*felt)?)));
         let left_and_sd = lefts.into_iter().zip(measured.deviations());
         let explained = windows.zip(left_and_sd);
-        explained.map(|((window, felt), (left, sd))| ExplainedForce { time: middle(window), felt, left, sd }).collect()
+        explained
+            .map(|((window, felt), (left, sd))| ExplainedForce { time: hann_windows::middle(window), felt, left, sd })
+            .collect()
     }
-}
-
-/// Of a window, s.
-fn middle(window: usize) -> f64 {
-    hann_windows::start(window) + 0.5 * hann_windows::LENGTH_S
 }
 
 #[cfg(test)]
@@ -105,6 +102,7 @@ mod tests {
             noise: Matrix2::identity() * NOISE.powi(2),
             noise_freedom: f64::INFINITY,
             bias: Matrix2::zeros(),
+            drift_sd: Vector2::zeros(),
             calibration: None,
             onset_sd: 0.0,
             model_share: CarriedFinger::RIGID.model_share(),

@@ -53,6 +53,11 @@ const FAR_BY_COARSE_STEPS: f64 = 50.0;
 /// to six in a thousand. Of what is far a rough cost is told, of the beginning of the force where that is far already.
 #[must_use]
 pub fn first_look(known: &KnownFromRest, measured: &WindowedForce) -> Fit {
+    looked(known, measured).0
+}
+
+/// The same with the best, where it was followed to the end.
+pub(super) fn looked(known: &KnownFromRest, measured: &WindowedForce) -> (Fit, Option<Tried>) {
     let edges = symmetry::distinct(known.part, symmetry::order(known.part));
     let measured = measured.of_contact(known.motion, known.finger);
     // What is not known of the part counts as noise.
@@ -75,7 +80,7 @@ pub fn first_look(known: &KnownFromRest, measured: &WindowedForce) -> Fit {
         tried = apart(&problem, descended(&problem, tried, steps - 1));
         let so_far = fit(&tried, &beginning);
         if so_far.cost.is_none_or(|cost| cost > far * so_far.cost_max) {
-            return so_far;
+            return (so_far, None);
         }
     }
     let whole = fit(&[], &measured);
@@ -90,7 +95,7 @@ pub fn first_look(known: &KnownFromRest, measured: &WindowedForce) -> Fit {
         tried = descended(&problem, begun.collect(), usize::MAX);
         last = fit(&tried, &measured);
     }
-    last
+    (last, tried.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)))
 }
 
 /// Fits that go on of so many: after a step their costs tell the way to a minimum from what only began near. With two in five

@@ -58,6 +58,11 @@ pub(crate) fn start(window: usize) -> f64 {
     f64::from(u32::try_from(window).unwrap_or(u32::MAX)) * HOP_S
 }
 
+/// Of a window, s.
+pub(super) fn middle(window: usize) -> f64 {
+    start(window) + 0.5 * LENGTH_S
+}
+
 /// Weight of a time in a window, relative to its mean; 0 outside.
 pub(crate) fn weight(window: usize, time: f64) -> f64 {
     let share = (time - start(window)) / LENGTH_S;

@@ -80,6 +80,14 @@ const LOST_SHARE: f64 = 0.1;
 /// may be missing, which is up to 0.5 of the weight.
 const COVERED_MIN: f64 = 0.45;
 
+/// A drift at rest is one where chance would have it so once in some hundred rests, in standard deviations.
+const DRIFT_SIGMAS: f64 = 3.0;
+
+/// A bias that seems not to drift may do so by this share of a window's noise in a second: of the default finger 0.5 mN/s, three
+/// times what it does where it warms by a kelvin a minute. Four times as much would leave four of a hundred pushes ambiguous that
+/// are not.
+const DRIFT_SHARE: f64 = 0.5;
+
 /// What the finger reads at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RestNoise {
@@ -87,6 +95,8 @@ pub struct RestNoise {
     pub bias: Vector2<f64>,
     /// Covariance of that mean, N².
     pub bias_covariance: Matrix2<f64>,
+    /// How fast the bias may drift, along either axis: standard deviations, N/s.
+    pub drift_sd: Vector2<f64>,
     /// Covariance of a window's mean.
     pub window: Matrix2<f64>,
     /// Independent values of each axis that it was estimated from.
@@ -109,12 +119,22 @@ impl RestNoise {
         let means: Vec<_> = windows.means(tare.period, tare.t_to).flatten().collect();
         let count = f64::from(u32::try_from(means.len()).unwrap_or(u32::MAX));
         let window = means.iter().map(|mean| mean * mean.transpose()).sum::<Matrix2<f64>>() / count.max(1.0);
+        // Neighbours are alike a little, and the mean was taken off.
+        let window_freedom = (count / (1.0 + 2.0 * NEIGHBOUR_CORRELATION.powi(2)) - 1.0).max(1.0);
+        let window_sd = window.diagonal().map(f64::sqrt);
+        let seconds = tare.t_to - tare.t_from;
+        // A line's, through so many values.
+        let by_chance = window_sd * ((12.0 / window_freedom).sqrt() / seconds);
+        let drift_sd = tare.drift.zip_zip_map(&by_chance, &window_sd, |drift, by_chance, window_sd| {
+            let measured = if drift.abs() > DRIFT_SIGMAS * by_chance { drift.abs() } else { 0.0 };
+            measured.hypot(DRIFT_SHARE * window_sd)
+        });
         Ok(Self {
             bias: tare.bias,
             bias_covariance: tare.bias_covariance,
             window,
-            // Neighbours are alike a little, and the mean was taken off.
-            window_freedom: (count / (1.0 + 2.0 * NEIGHBOUR_CORRELATION.powi(2)) - 1.0).max(1.0),
+            drift_sd,
+            window_freedom,
             single: tare.single_covariance,
             period: tare.period,
         })
@@ -408,6 +428,7 @@ impl PushSense {
             noise: self.rest.window,
             noise_freedom: self.rest.window_freedom,
             bias: self.rest.bias_covariance,
+            drift_sd: self.rest.drift_sd,
             calibration: self.calibration,
             onset_sd: windows.onset_sd,
             model_share: self.model_share,
@@ -568,6 +589,22 @@ mod tests {
             let found = sense.lost_before(0.6).unwrap();
             assert!((found - (onset + 0.6 - lost)).abs() < 4e-3, "{lost} s: {found}");
         }
+    }
+
+    #[test]
+    fn a_bias_that_drifts_at_rest_may_go_on_as_fast() {
+        /// Force/s; of the noise here a slope over 2 s is known to a tenth of it.
+        const DRIFT: f64 = 5e-3;
+        let mut still = noise(7);
+        let still = RestNoise::estimate(&still.readings(8000)).unwrap();
+        let mut drifting = Noise { drift: DRIFT, ..noise(7) };
+        let drifting = RestNoise::estimate(&drifting.readings(8000)).unwrap();
+        for axis in 0..2 {
+            let at_least = DRIFT_SHARE * still.window[(axis, axis)].sqrt();
+            assert!((still.drift_sd[axis] / at_least - 1.0).abs() < 1e-9, "{}", still.drift_sd);
+        }
+        assert!((drifting.drift_sd.x / DRIFT - 1.0).abs() < 0.3, "{}", drifting.drift_sd);
+        assert!(drifting.drift_sd.y < 0.5 * DRIFT, "{}", drifting.drift_sd);
     }
 
     #[test]

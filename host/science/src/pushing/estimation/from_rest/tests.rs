@@ -1,6 +1,6 @@
 //! The estimator against the world: another integrator, another search.
 
-use nalgebra::{Matrix2, Point2, Vector2};
+use nalgebra::{Matrix2, Matrix3, Point2, Vector2};
 
 use super::felt::Felt as _;
 use super::first_look::LOOK_SHARE;
@@ -37,6 +37,7 @@ const UNCERTAIN: Uncertainty = Uncertainty {
     noise: Matrix2::new(0.0, 0.0, 0.0, 0.0),
     noise_freedom: f64::INFINITY,
     bias: Matrix2::new(0.0, 0.0, 0.0, 0.0),
+    drift_sd: Vector2::new(0.0, 0.0),
     calibration: None,
     onset_sd: 0.0,
     model_share: 2e-4,
@@ -442,6 +443,41 @@ fn pushes_that_slip_throughout_or_back_are_found() {
             assert!(estimate.hypotheses.iter().any(right), "push {number}, noise {seed}: {:?}", estimate.hypotheses);
         }
     }
+}
+
+/// A bias that drifts as fast as it is thought to leaves the truth within what is stated; where none is thought of it does not.
+#[test]
+fn a_bias_that_drifts_is_in_what_is_stated() {
+    /// N/s, along each axis: two windows' noise in half a push.
+    const DRIFT_SD: f64 = 5.0 * NOISE_N;
+    /// 95 % of χ² with three degrees of freedom.
+    const WITHIN: f64 = 7.815;
+    const CASES: usize = 32;
+    let noise = Uncertainty { noise: Matrix2::identity() * NOISE_N * NOISE_N, ..UNCERTAIN };
+    let mut held = [0; 2];
+    for case in 0..CASES {
+        let (part, ranges, drawn, mut draw) = drawn(case);
+        let drift = Vector2::new(draw.normal(), draw.normal()) * DRIFT_SD;
+        let mut means = true_windows(&drawn.played, hann_windows::count(ranges.motion.duration()));
+        for (window, mean) in means.iter_mut().enumerate() {
+            *mean += Vector2::new(draw.normal(), draw.normal()) * NOISE_N + drift * hann_windows::middle(window);
+        }
+        for (held, drift_sd) in held.iter_mut().zip([DRIFT_SD, 0.0]) {
+            let uncertainty = Uncertainty { drift_sd: Vector2::repeat(drift_sd), ..noise };
+            let measured = WindowedForce::new(means.clone(), &uncertainty).unwrap();
+            let estimate = estimate(&known(&part, &ranges), &measured);
+            let truth = drawn.played.pose(estimate.time_end).unwrap().into();
+            let is_within = |found: &Hypothesis| {
+                let off = found.pose_end.minus(&truth);
+                let inverse = found.covariance.and_then(Matrix3::try_inverse);
+                inverse.is_none_or(|inverse| off.dot(&(inverse * off)) < WITHIN)
+            };
+            *held += usize::from(estimate.hypotheses.iter().any(is_within));
+        }
+    }
+    // Binomial: of 32 at 95 % fewer than 27 hold once in a hundred suites of other seeds.
+    let [thought_of, not] = held;
+    assert!(thought_of >= 27 && 2 * not < CASES, "{held:?}");
 }
 
 /// Rows of a file that are no numbers are left out: readings are compared as they were taken, and windows that lack

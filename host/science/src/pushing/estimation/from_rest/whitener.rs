@@ -13,8 +13,8 @@
 
 use nalgebra::{DVector, Matrix2, SMatrix, Vector2};
 
-/// Numbers that may be common to all windows: two of the bias, four of the calibration and the onset.
-pub(super) const COMMON: usize = 7;
+/// Numbers that may be common to all windows: two of the bias, two of its drift, four of the calibration and the onset.
+pub(super) const COMMON: usize = 9;
 
 /// What one standard deviation of each common number does to a window's mean.
 pub(super) type CommonShares = SMatrix<f64, 2, COMMON>;

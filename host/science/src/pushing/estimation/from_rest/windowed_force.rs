@@ -43,6 +43,8 @@ pub struct Uncertainty {
     pub noise_freedom: f64,
     /// Covariance of the bias that was taken off, N².
     pub bias: Matrix2<f64>,
+    /// How fast the bias may drift from the onset on, along either axis: standard deviations, N/s.
+    pub drift_sd: Vector2<f64>,
     /// What the calibration left open, if it is known.
     pub calibration: Option<CalibrationUncertainty>,
     /// Standard deviation of the moment of the onset, s.
@@ -121,8 +123,8 @@ pub struct WindowedForce {
     freedom: f64,
     onset_sd: f64,
     readings: Option<WindowReadings>,
-    /// What one standard deviation of the finger's effective mass adds to `data`, where it has one; then of each thing that the
-    /// model is off by.
+    /// What one standard deviation of each adds to `data`: of a bias that is thought to drift, along either axis; of the finger's
+    /// effective mass, where it has one; of each thing that the model is off by.
     beside: Vec<DVector<f64>>,
 }
 
@@ -327,9 +329,11 @@ impl WindowedForce {
         Self {
             forces_finger: forces_finger.collect(),
             data: &self.data + &whitened * finger.effective_mass,
-            beside: (finger.effective_mass_sd > 0.0)
-                .then(|| whitened * -finger.effective_mass_sd)
-                .into_iter()
+            beside: self
+                .beside
+                .iter()
+                .cloned()
+                .chain((finger.effective_mass_sd > 0.0).then(|| whitened * -finger.effective_mass_sd))
                 .collect(),
             ..self.clone()
         }
@@ -367,13 +371,18 @@ impl WindowedForce {
         }
     }
 
+    /// The same of a bias that drifts from the onset on, by a standard deviation along each axis (N/s): the first two of what is beside.
+    pub(super) fn and_bias_drift(&self, sd: f64) -> Self {
+        let along = |axis: Vector2<f64>| self.whiten(self.means_of(|t| axis * (sd * t)).into_iter());
+        let drift = [Vector2::x(), Vector2::y()].map(along);
+        Self { beside: drift.into_iter().chain(self.beside.iter().cloned()).collect(), ..self.clone() }
+    }
+
     /// The same with a model that is off by a share of the force, slowly.
     pub(super) fn and_drift(&self, share: f64) -> Self {
         let mut drifting = self.clone();
         if share > 0.0 {
-            let forces = || self.forces_finger.iter().flatten();
-            let mean_square = forces().map(Vector2::norm_squared).sum::<f64>() / forces().count() as f64;
-            let size = share * mean_square.sqrt();
+            let size = share * self.rms();
             for weight in drift_weights(0.0, self.duration()) {
                 for axis in [Vector2::x(), Vector2::y()] {
                     drifting.beside.push(self.whiten(self.means_of(|t| axis * (size * weight(t))).into_iter()));
@@ -424,6 +433,12 @@ impl WindowedForce {
         self.forces_finger.len()
     }
 
+    /// Root mean square of the windows' forces, N.
+    pub(super) fn rms(&self) -> f64 {
+        let forces = || self.forces_finger.iter().flatten();
+        (forces().map(Vector2::norm_squared).sum::<f64>() / forces().count() as f64).sqrt()
+    }
+
     /// When the last of them is over, s.
     #[must_use]
     pub fn duration(&self) -> f64 {
@@ -468,6 +483,9 @@ struct Window {
 fn uncertain(felt: &[Window], uncertainty: &Uncertainty, onset_sd: f64) -> Vec<Uncertain> {
     let noise = noise(uncertainty);
     let bias = square_root(&uncertainty.bias);
+    // Columns of zeros behind the last take no time.
+    let [x, y] = [Vector2::x() * uncertainty.drift_sd.x, Vector2::y() * uncertainty.drift_sd.y];
+    let drift = if uncertainty.drift_sd.amax() > 0.0 { vec![x, y] } else { Vec::new() };
     let calibration = uncertainty.calibration.map(|calibration| (calibration, square_root(&calibration.covariance)));
     let window = |(place, at): (usize, &Window)| {
         let of_bias = bias.iter().copied();
@@ -475,9 +493,11 @@ fn uncertain(felt: &[Window], uncertainty: &Uncertainty, onset_sd: f64) -> Vec<U
             let by_matrix = calibration.by_matrix(&at.force);
             root.iter().map(move |column| by_matrix * column)
         });
+        let of_drift = drift.iter().map(|drift| drift * hann_windows::middle(at.window));
         let of_onset = std::iter::once(rate(felt, place) * onset_sd);
         let mut common = CommonShares::zeros();
-        for (mut column, of) in common.column_iter_mut().zip(of_bias.chain(of_matrix).chain(of_onset)) {
+        let of_all = of_bias.chain(of_drift).chain(of_matrix).chain(of_onset);
+        for (mut column, of) in common.column_iter_mut().zip(of_all) {
             column.copy_from(&of);
         }
         let covered = |other: &Window| (at.covered * other.covered).sqrt();
