@@ -103,6 +103,7 @@ mod tests {
             noise_freedom: f64::INFINITY,
             bias: Matrix2::zeros(),
             drift_sd: Vector2::zeros(),
+            drift_before: 0.0,
             calibration: None,
             onset_sd: 0.0,
             model_share: CarriedFinger::RIGID.model_share(),

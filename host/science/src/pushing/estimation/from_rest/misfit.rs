@@ -319,8 +319,8 @@ fn bias_drift(known: &KnownFromRest, measured: &WindowedForce) -> Option<LikelyM
     let (fit, best) = looked(known, &measured.and_bias_drift(sd));
     let best = best.filter(|best| best.cost <= fit.cost_max)?;
     // At the best of all, that of each is what it adds times what is left.
-    let found = best.predicted.beside.iter().map(|drift| sd * drift.dot(best.rest()));
-    let drift = Vector2::from_iterator(found.take(2));
+    let [.., x, y] = &best.predicted.beside[..] else { return None };
+    let drift = Vector2::new(x.dot(best.rest()), y.dot(best.rest())) * sd;
     Some(LikelyMistake { mistake: Mistake::BiasDrift(drift), cost: best.cost })
 }
 
@@ -393,6 +393,7 @@ mod tests {
             noise_freedom: f64::INFINITY,
             bias: Matrix2::zeros(),
             drift_sd: Vector2::zeros(),
+            drift_before: 0.0,
             calibration: None,
             onset_sd: 3e-4,
             model_share: CarriedFinger::RIGID.model_share(),

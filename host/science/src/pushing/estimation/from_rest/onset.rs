@@ -109,7 +109,7 @@ const LOST_SHARE: f64 = 0.1;
 /// may be missing, which is up to 0.5 of the weight.
 const COVERED_MIN: f64 = 0.45;
 
-/// A drift at rest is one where chance would have it so once in some hundred rests, in standard deviations.
+/// A drift at rest is one where chance would have it so once in two hundred rests, in standard deviations.
 const DRIFT_SIGMAS: f64 = 3.0;
 
 /// A bias that seems not to drift may do so by this share of a window's noise in a second: of the default finger 0.25 mN/s, half as
@@ -126,6 +126,8 @@ pub struct RestNoise {
     pub bias_covariance: Matrix2<f64>,
     /// How fast the bias may drift, along either axis: standard deviations, N/s.
     pub drift_sd: Vector2<f64>,
+    /// Since when it does, where it drifted at rest already, s: the middle of the rest. Else it may begin to with the push.
+    pub drifts_since: Option<f64>,
     /// Covariance of a window's mean.
     pub window: Matrix2<f64>,
     /// Independent values of each axis that it was estimated from.
@@ -154,15 +156,16 @@ impl RestNoise {
         let seconds = tare.t_to - tare.t_from;
         // A line's, through so many values.
         let by_chance = window_sd * ((12.0 / window_freedom).sqrt() / seconds);
-        let drift_sd = tare.drift.zip_zip_map(&by_chance, &window_sd, |drift, by_chance, window_sd| {
-            let measured = if drift.abs() > DRIFT_SIGMAS * by_chance { drift.abs() } else { 0.0 };
-            measured.hypot(DRIFT_SHARE * window_sd)
-        });
+        let is_drift = |drift: f64, by_chance: f64| drift.abs() > DRIFT_SIGMAS * by_chance;
+        let measured =
+            tare.drift.zip_map(&by_chance, |drift, chance| if is_drift(drift, chance) { drift } else { 0.0 });
+        let drift_sd = measured.zip_map(&window_sd, |measured, window_sd| measured.hypot(DRIFT_SHARE * window_sd));
         Ok(Self {
             bias: tare.bias,
             bias_covariance: tare.bias_covariance,
             window,
             drift_sd,
+            drifts_since: (measured.amax() > 0.0).then_some(0.5 * (tare.t_from + tare.t_to)),
             window_freedom,
             single: tare.single_covariance,
             period: tare.period,
@@ -377,7 +380,9 @@ impl PushSense {
         };
         let own = self.rest.window * MEAN_VARIANCE;
         let is_out = |ago: f64| {
-            let change = mean_before(ago).zip(mean_before(ago + APART_S)).map(|(now, then)| now - then);
+            // Soon after the rest there is none before.
+            let then = mean_before(ago + APART_S).unwrap_or(self.rest.bias);
+            let change = mean_before(ago).map(|now| now - then);
             change.is_some_and(|change| {
                 change.norm() > self.inertia
                     && noise::mahalanobis(&change, &self.rest.single) > MEAN_SIGMAS
@@ -503,6 +508,7 @@ impl PushSense {
             noise_freedom: self.rest.window_freedom,
             bias: self.rest.bias_covariance,
             drift_sd: self.rest.drift_sd,
+            drift_before: self.rest.drifts_since.map_or(0.0, |since| windows.onset - since),
             calibration: self.calibration,
             onset_sd: windows.onset_sd,
             model_share: self.model_share,
@@ -636,7 +642,8 @@ mod tests {
             let mut beyond = 0;
             for seed in 10..30 {
                 let (mut sense, mut noise) = tared(seed, rate_hz);
-                let onset = noise.t + 0.5;
+                // Some at once after the rest.
+                let onset = noise.t + if seed % 2 == 0 { 0.5 } else { 0.03 };
                 let felt = |t: f64| if (onset..onset + 0.5).contains(&t) { force } else { Vector2::zeros() };
                 feel(&mut sense, &mut noise, onset + 0.6, felt);
                 let (found, sd) = (sense.onset_time().unwrap(), sense.onset_sd().unwrap());
@@ -732,6 +739,8 @@ mod tests {
         }
         assert!((drifting.drift_sd.x / DRIFT - 1.0).abs() < 0.3, "{}", drifting.drift_sd);
         assert!(drifting.drift_sd.y < 0.5 * DRIFT, "{}", drifting.drift_sd);
+        // From the middle of its two seconds on.
+        assert!(still.drifts_since.is_none() && (drifting.drifts_since.unwrap() - 1.0).abs() < 1e-3);
     }
 
     #[test]

@@ -38,6 +38,7 @@ const UNCERTAIN: Uncertainty = Uncertainty {
     noise_freedom: f64::INFINITY,
     bias: Matrix2::new(0.0, 0.0, 0.0, 0.0),
     drift_sd: Vector2::new(0.0, 0.0),
+    drift_before: 0.0,
     calibration: None,
     onset_sd: 0.0,
     model_share: 2e-4,

@@ -43,8 +43,10 @@ pub struct Uncertainty {
     pub noise_freedom: f64,
     /// Covariance of the bias that was taken off, N².
     pub bias: Matrix2<f64>,
-    /// How fast the bias may drift from the onset on, along either axis: standard deviations, N/s.
+    /// How fast the bias may drift, along either axis: standard deviations, N/s.
     pub drift_sd: Vector2<f64>,
+    /// From so long before the onset on, s.
+    pub drift_before: f64,
     /// What the calibration left open, if it is known.
     pub calibration: Option<CalibrationUncertainty>,
     /// Standard deviation of the moment of the onset, s.
@@ -123,8 +125,8 @@ pub struct WindowedForce {
     freedom: f64,
     onset_sd: f64,
     readings: Option<WindowReadings>,
-    /// What one standard deviation of each adds to `data`: of a bias that is thought to drift, along either axis; of the finger's
-    /// effective mass, where it has one; of each thing that the model is off by.
+    /// What one standard deviation of each adds to `data`: of the finger's effective mass, where it has one, first; of each thing
+    /// that the model is off by; of a bias that is thought to drift, along either axis.
     beside: Vec<DVector<f64>>,
 }
 
@@ -329,11 +331,10 @@ impl WindowedForce {
         Self {
             forces_finger: forces_finger.collect(),
             data: &self.data + &whitened * finger.effective_mass,
-            beside: self
-                .beside
-                .iter()
-                .cloned()
-                .chain((finger.effective_mass_sd > 0.0).then(|| whitened * -finger.effective_mass_sd))
+            beside: (finger.effective_mass_sd > 0.0)
+                .then(|| whitened * -finger.effective_mass_sd)
+                .into_iter()
+                .chain(self.beside.iter().cloned())
                 .collect(),
             ..self.clone()
         }
@@ -371,11 +372,14 @@ impl WindowedForce {
         }
     }
 
-    /// The same of a bias that drifts from the onset on, by a standard deviation along each axis (N/s): the first two of what is beside.
+    /// The same of a bias that drifts from the onset on, by a standard deviation along each axis (N/s): the last two of what is
+    /// beside.
     pub(super) fn and_bias_drift(&self, sd: f64) -> Self {
-        let along = |axis: Vector2<f64>| self.whiten(self.means_of(|t| axis * (sd * t)).into_iter());
-        let drift = [Vector2::x(), Vector2::y()].map(along);
-        Self { beside: drift.into_iter().chain(self.beside.iter().cloned()).collect(), ..self.clone() }
+        let mut drifting = self.clone();
+        for axis in [Vector2::x(), Vector2::y()] {
+            drifting.beside.push(self.whiten(self.means_of(|t| axis * (sd * t)).into_iter()));
+        }
+        drifting
     }
 
     /// The same with a model that is off by a share of the force, slowly.
@@ -483,7 +487,7 @@ struct Window {
 fn uncertain(felt: &[Window], uncertainty: &Uncertainty, onset_sd: f64) -> Vec<Uncertain> {
     let noise = noise(uncertainty);
     let bias = square_root(&uncertainty.bias);
-    // Columns of zeros behind the last take no time.
+    // One that surely does not is no column, which would take time.
     let [x, y] = [Vector2::x() * uncertainty.drift_sd.x, Vector2::y() * uncertainty.drift_sd.y];
     let drift = if uncertainty.drift_sd.amax() > 0.0 { vec![x, y] } else { Vec::new() };
     let calibration = uncertainty.calibration.map(|calibration| (calibration, square_root(&calibration.covariance)));
@@ -493,7 +497,7 @@ fn uncertain(felt: &[Window], uncertainty: &Uncertainty, onset_sd: f64) -> Vec<U
             let by_matrix = calibration.by_matrix(&at.force);
             root.iter().map(move |column| by_matrix * column)
         });
-        let of_drift = drift.iter().map(|drift| drift * hann_windows::middle(at.window));
+        let of_drift = drift.iter().map(|drift| drift * (uncertainty.drift_before + hann_windows::middle(at.window)));
         let of_onset = std::iter::once(rate(felt, place) * onset_sd);
         let mut common = CommonShares::zeros();
         let of_all = of_bias.chain(of_drift).chain(of_matrix).chain(of_onset);
