@@ -74,7 +74,7 @@ fn sentence(known: &KnownFromRest, mistake: &Mistake) -> String {
             known.mu_g / GRAVITY_ASSUMED
         ),
         Mistake::BiasDrift(drift) => format!(
-            "If the reading without force drifts by {:.1} mN/s during the push a pose fits: does it stay after the push, with the finger \
+            "If the reading without force drifts by some {:.0} mN/s during the push a pose fits: does it stay after the push, with the finger \
              free (`palpate diagnose`)? A gauge may come off, or a hand or a draught warm the beam; then tare and push again.",
             drift.norm() * 1e3
         ),
@@ -135,7 +135,7 @@ mod tests {
             (Mistake::Radius(0.0082), "radius 8.20 mm a pose fits (--radius-mm): 15.00 mm was told"),
             (unit(Lengths::OfPart, 1e-3), "the part's lengths 1000 times shorter"),
             (unit(Lengths::OfMotion, 25.4), "25.4 times as long a pose fits: check `unit` in the motion's file"),
-            (Mistake::BiasDrift(Vector2::new(3e-3, -4e-3)), "drifts by 5.0 mN/s during the push a pose fits"),
+            (Mistake::BiasDrift(Vector2::new(3e-3, -4e-3)), "drifts by some 5 mN/s during the push a pose fits"),
             (Mistake::Friction(0.5 * GRAVITY_ASSUMED), "mu = 0.500 a pose fits: the part file says 0.250"),
         ] {
             let said = told(Some(mistake), 0.3);

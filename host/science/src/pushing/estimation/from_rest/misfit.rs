@@ -8,7 +8,7 @@
 //! - the rise of accelerations that were told as steps, up to the shortest segment;
 //! - the radius of the finger's disk: half, twice, or whatever about and between them fits best;
 //! - the unit of the part file's lengths, of the motion's, or of both, as far as what then results fits on a table;
-//! - µ of the plane: known far worse than was said; or the bias: it drifts during the push, by any few hundredths of the force a second.
+//! - µ of the plane: known far worse than was said; or the bias: it drifts during the push, by up to some tenths of the force a second.
 //!
 //! A part whose lengths are all `f` times what was told is the same problem as the told part with motion, radius and µ g
 //! divided by `f`, with the masses changed: force per mass is an acceleration. So no other part has to be made.
@@ -95,8 +95,8 @@ pub struct Misfit {
 const MU_G_LOG_SD: f64 = 0.92;
 
 /// How fast a bias is thought to drift, as a share of the force in a second: one standard deviation. Of 1 N on the default finger it
-/// is 1.4 microstrain/s; a bridge that warms by a kelvin a minute drifts by 0.01.
-const BIAS_DRIFT_SHARE: f64 = 0.03;
+/// is 5 microstrain/s; with a third of it what drifted by a fifth a second was named with a fourth of that, and another pose.
+const BIAS_DRIFT_SHARE: f64 = 0.1;
 
 /// Rise times tried first, s: from a stiff robot that hardly limits its jerk to one that is never quite at an acceleration.
 const RISES_S: [f64; 8] = [1.5e-3, 3e-3, 6e-3, 0.012, 0.025, 0.05, 0.1, 0.2];
@@ -471,17 +471,18 @@ mod tests {
         );
     }
 
-    /// A tenth of the force in a second.
+    /// A tenth and more of the force in a second.
     #[test]
     fn a_bias_that_drifts_is_named_with_how_fast() {
         /// Of the drift: a prior of [`BIAS_DRIFT_SHARE`] holds it back by less, and a pose a little off takes some.
         const NEAR_SHARE: f64 = 0.05;
         let (part, motion) = (part(), motion());
-        let drift = Vector2::new(-0.048, 0.064);
-        let measured = felt_of(&part, &motion, |t| drift * t);
-        let mistakes = found(&told(&part, &motion), &measured).mistakes;
-        let Mistake::BiasDrift(named) = mistakes[0].mistake else { panic!("{mistakes:?}") };
-        assert!((named - drift).norm() < NEAR_SHARE * drift.norm(), "{named}");
+        for drift in [Vector2::new(-0.048, 0.064), Vector2::new(0.085, 0.085)] {
+            let measured = felt_of(&part, &motion, |t| drift * t);
+            let mistakes = found(&told(&part, &motion), &measured).mistakes;
+            let Mistake::BiasDrift(named) = mistakes[0].mistake else { panic!("{mistakes:?}") };
+            assert!((named - drift).norm() < NEAR_SHARE * drift.norm(), "{named}");
+        }
     }
 
     #[test]
