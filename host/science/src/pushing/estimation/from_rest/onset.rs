@@ -609,8 +609,7 @@ mod tests {
         // Windows that end before the force does, less one.
         assert!((26..=29).contains(&measured.forces_finger().len()), "{}", measured.forces_finger().len());
         for (window, force) in measured.forces_finger().iter().flatten().enumerate() {
-            let middle = hann_windows::end(window) - 0.5 * LENGTH_S;
-            let error = (force - Vector2::new(-1.0 - 0.2 * middle, 0.3)).norm();
+            let error = (force - Vector2::new(-1.0 - 0.2 * hann_windows::middle(window), 0.3)).norm();
             assert!(error < 5e-3, "window {window}: {error} N");
         }
     }

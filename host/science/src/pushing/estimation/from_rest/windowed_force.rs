@@ -376,9 +376,7 @@ impl WindowedForce {
     /// beside.
     pub(super) fn and_bias_drift(&self, sd: f64) -> Self {
         let mut drifting = self.clone();
-        for axis in [Vector2::x(), Vector2::y()] {
-            drifting.beside.push(self.whiten(self.means_of(|t| axis * (sd * t)).into_iter()));
-        }
+        drifting.add_along_axes(|t| sd * t);
         drifting
     }
 
@@ -388,12 +386,18 @@ impl WindowedForce {
         if share > 0.0 {
             let size = share * self.rms();
             for weight in drift_weights(0.0, self.duration()) {
-                for axis in [Vector2::x(), Vector2::y()] {
-                    drifting.beside.push(self.whiten(self.means_of(|t| axis * (size * weight(t))).into_iter()));
-                }
+                drifting.add_along_axes(|t| size * weight(t));
             }
         }
         drifting
+    }
+
+    /// Something more beside, along x and along y: what one standard deviation of either adds at a time, N.
+    fn add_along_axes(&mut self, sd: impl Fn(f64) -> f64) {
+        for axis in [Vector2::x(), Vector2::y()] {
+            let added = self.whiten(self.means_of(|t| axis * sd(t)).into_iter());
+            self.beside.push(added);
+        }
     }
 
     /// Means of a function of the time since the onset under every window, over the readings where their times are known.
