@@ -128,17 +128,13 @@ pub fn misfit(known: &KnownFromRest, measured: &WindowedForce, stop: Stop<'_>) -
         &|| fitting(rises(known, measured, &halt), known, measured, &halt),
         &|| fitting(radii(known, measured, &halt), known, measured, &halt),
         &|| fitting(units(known), known, measured, &halt),
-        &|| {
-            let mut likely = friction(known, measured, &halt);
-            likely.extend(bias_drift(known, measured));
-            likely.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-            likely
-        },
+        &|| [friction(known, measured, &halt), bias_drift(known, measured, &halt)].into_iter().flatten().collect(),
     ];
     // What does not fit on a table is most likely told in the wrong unit.
     let order = if is_of_a_table(known, 1.0, 1.0) { [0, 1, 2, 3, 4] } else { [3, 0, 1, 2, 4] };
     let wanted = order.into_iter().take_while(|_| !halt.is_wished());
-    let mistakes = wanted.map(|kind| kinds[kind]()).find(|mistakes| !mistakes.is_empty()).unwrap_or_default();
+    let mut mistakes = wanted.map(|kind| kinds[kind]()).find(|mistakes| !mistakes.is_empty()).unwrap_or_default();
+    mistakes.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     halt.searched(Misfit { onset_angle: onset_angle(known, measured), mistakes })
 }
 
@@ -150,16 +146,14 @@ struct Tried {
     mu_g: f64,
 }
 
-/// Those of one kind that fit, the best first.
+/// Those of one kind that fit.
 fn fitting(tried: Vec<Tried>, known: &KnownFromRest, measured: &WindowedForce, halt: &Halt<'_>) -> Vec<LikelyMistake> {
     let fit = |tried: Tried| {
         let Fit { cost, cost_max, .. } = tried.fit(known, measured);
         let cost = cost.filter(|cost| *cost <= cost_max)?;
         Some(LikelyMistake { mistake: tried.mistake, cost })
     };
-    let mut likely: Vec<_> = halt.each(tried, fit).into_iter().flatten().collect();
-    likely.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    likely
+    halt.each(tried, fit).into_iter().flatten().collect()
 }
 
 impl Tried {
@@ -304,17 +298,19 @@ fn travel(motion: &FingerMotion) -> f64 {
 }
 
 /// µ g of the plane at which the best pose fits, if one does, however far from what was told.
-fn friction(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt<'_>) -> Vec<LikelyMistake> {
+fn friction(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt<'_>) -> Option<LikelyMistake> {
     let known = KnownFromRest { mu_g_log_sd: Some(MU_G_LOG_SD), ..*known };
     let beginning = measured.beginning_of(hann_windows::count(BEGINNING_S));
     // What does not explain the beginning does not explain the whole.
     let begins = beginning.span() == measured.span() || friction_of(&known, &beginning, halt).is_some();
-    let likely = begins.then(|| friction_of(&known, measured, halt)).flatten();
-    likely.into_iter().collect()
+    begins.then(|| friction_of(&known, measured, halt)).flatten()
 }
 
 /// The drift of the bias at which the best pose fits, if one does.
-fn bias_drift(known: &KnownFromRest, measured: &WindowedForce) -> Option<LikelyMistake> {
+fn bias_drift(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt<'_>) -> Option<LikelyMistake> {
+    if halt.is_wished() {
+        return None;
+    }
     let sd = BIAS_DRIFT_SHARE * measured.rms();
     let (fit, best) = looked(known, &measured.and_bias_drift(sd));
     let best = best.filter(|best| best.cost <= fit.cost_max)?;
