@@ -32,6 +32,11 @@ pub struct Nearness {
 impl Nearness {
     /// Where the contact angle is felt or follows from what is: the place decides. Fixed by the interface.
     pub const BY_PLACE: Self = Self { place: SAME_END_M, angle: f64::INFINITY };
+
+    /// Whether two contacts (angle, rad, and place, m) on one edge are so near.
+    pub(super) fn holds(self, [u, s]: [f64; 2], [other_u, other_s]: [f64; 2]) -> bool {
+        (s - other_s).abs() < self.place && (u - other_u).abs() < self.angle
+    }
 }
 
 /// An observer of a pushed part: one observation in, one set of hypotheses out.
@@ -314,8 +319,7 @@ impl Hypothesis {
 
     /// Whether it ends as near to another as that, on the same side.
     fn is_near(&self, other: &Self, near: Nearness) -> bool {
-        let (place, angle) = ((other.end.s - self.end.s).abs(), (other.end.u - self.end.u).abs());
-        other.side == self.side && place < near.place && angle < near.angle
+        other.side == self.side && near.holds([self.end.u, self.end.s], [other.end.u, other.end.s])
     }
 
     /// How far it is from another of the same side: see [`apart_squared`].

@@ -412,8 +412,7 @@ fn is_one_valley(one: &Tried, other: &Tried) -> bool {
     let (end, other_end) = (&one.path.end, &other.path.end);
     one.guess.edge == other.guess.edge
         && one.path.slipped == other.path.slipped
-        && (end.s - other_end.s).abs() < ONE_VALLEY.place
-        && (end.u - other_end.u).abs() < ONE_VALLEY.angle
+        && ONE_VALLEY.holds([end.u, end.s], [other_end.u, other_end.s])
 }
 
 /// Where numbers of the part are not known, minima nearer than this on one edge come to one: of pushes that were drawn, a
@@ -422,9 +421,7 @@ const ONE_VALLEY: Nearness = Nearness { place: 1e-3, angle: 0.08 };
 
 /// Whether two minima end at one place, as an answer has it.
 fn is_one_place(one: &Guess, end: &State, other: &Guess, other_end: &State) -> bool {
-    one.edge == other.edge
-        && (end.s - other_end.s).abs() < SAME_PLACE.place
-        && (end.u - other_end.u).abs() < SAME_PLACE.angle
+    one.edge == other.edge && SAME_PLACE.holds([end.u, end.s], [other_end.u, other_end.s])
 }
 
 /// Minima on other edges, begun where the best are on theirs: edges as far from the centre of mass feel alike at the

@@ -270,6 +270,11 @@ impl<'a, 'p> FeltPush<'a, 'p> {
         Some(Self { known, course, roughly, felt, path })
     }
 
+    /// Whether more is found than a search finds, which takes it for noise: numbers of part, friction or motion.
+    fn has_numbers(&self) -> bool {
+        self.known.has_numbers() || self.path.is_some()
+    }
+
     /// Every minimum found; whether it is looked how far each reaches: who follows the push sees that.
     fn all(&self, looks: bool, halt: &Halt<'_>) -> Vec<Concluded> {
         let (edges, _) = distinct_edges(self.known.part);
@@ -296,13 +301,13 @@ impl<'a, 'p> FeltPush<'a, 'p> {
         concluded.into_iter().flatten().collect()
     }
 
-    /// Where the search comes to, the best first.
+    /// Where the search comes to, the best first; where numbers are found later, those of every edge in turn.
     fn leads(&self, edges: &[usize], most: usize, halt: &Halt<'_>) -> Leads {
         let problem = Problem { course: &self.course, measured: &self.roughly, mass: self.known.mass };
         let mut tried = search(&problem, edges, halt);
         // Where the finger cannot be, it leads nowhere.
         tried.retain(|tried| is_possible(&problem, tried));
-        let followed = if self.known.has_numbers() {
+        let followed = if self.has_numbers() {
             leads_of_edges(&problem, &tried, most.min(NUMBERED_LEADS))
         } else {
             leads(&tried, most)
@@ -344,7 +349,7 @@ impl<'a, 'p> FeltPush<'a, 'p> {
 
     /// The same before anything is said of it; none where the finger cannot be there.
     fn minimum(&self, guess: Guess, thoroughly: bool, halt: &Halt<'_>) -> Option<Minimum> {
-        let found = if self.known.has_numbers() || self.path.is_some() {
+        let found = if self.has_numbers() {
             let explains = |tried: &Tried| tried.cost <= self.cost_max(&self.problem(&self.course), tried);
             let unknown = self.unknown();
             Fitted::Numbered(unknown.found(guess, &self.felt, &self.roughly, explains, thoroughly, halt)?.into())
@@ -436,7 +441,7 @@ impl FeltPush<'_, '_> {
     /// A minimum in pieces along its valley, each of a contact angle at the start within `u_sd` (rad), with its share of the
     /// minimum's weight: everything else is found anew for each. None where its numbers are not those of a search.
     fn pieces(&self, of: &Concluded, u_sd: f64) -> Option<Vec<(f64, AtEnd)>> {
-        if self.known.has_numbers() || self.path.is_some() {
+        if self.has_numbers() {
             return None;
         }
         let problem = Problem { course: &self.course, measured: &self.felt, mass: self.known.mass };

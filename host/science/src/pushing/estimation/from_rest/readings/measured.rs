@@ -15,8 +15,9 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 
-use super::super::misfit_limit;
 use super::super::numbers::MotionNumbers;
+use super::super::path::Guess;
+use super::super::{SAME_PLACE, misfit_limit};
 use super::read_force::Doubts;
 use super::{
     Concluded, FeltPush, ForceHypothesis, ForceReading, KnownOfFinger, Looked, Minimum, conclude, distinct_edges,
@@ -53,11 +54,15 @@ const OFFSETS_TRIED: [f64; 3] = [0.0, -1.3, 1.3];
 /// Known to this an offset is not sought, s: the motion changes by nothing that is felt.
 const OFFSET_SURE_S: f64 = 1e-4;
 
-/// Minima of each offset that are followed.
-const OFFSET_LEADS: usize = 8;
+/// Minima of each offset that are looked at.
+const OFFSET_LEADS: usize = 32;
 
-/// Minima of all offsets that are followed with all numbers.
-const LEADS: usize = 10;
+/// The best minima of all offsets, which are followed with all numbers: a place from several offsets too, as a fit may not get from
+/// one to another.
+const BEST_LEADS: usize = 10;
+
+/// The same with those of every edge in turn. Without them, of 60 pushes 3 had the truth not among those found.
+const LEADS: usize = 20;
 
 /// What costs so many times the best there is, or what chance would have it cost, leads nowhere.
 const HOPELESS: f64 = 8.0;
@@ -119,6 +124,26 @@ struct Offset {
     sd: f64,
 }
 
+/// Where a search comes to that takes the offset for one.
+#[derive(Clone, Copy)]
+struct OffsetLead {
+    /// The offset, standard deviations off its best.
+    sds: f64,
+    /// With what motion and offset may change taken for noise, and the offset's own.
+    cost: f64,
+    guess: Guess,
+    /// How many of its edge are followed before.
+    place: usize,
+}
+
+impl OffsetLead {
+    /// Whether it begins where another does.
+    fn is_where(&self, other: &Self) -> bool {
+        let (one, other) = (&self.guess, &other.guess);
+        one.edge == other.edge && SAME_PLACE.holds([one.u, one.s], [other.u, other.s])
+    }
+}
+
 impl<'a> Measured<'a> {
     fn new(
         known: &'a KnownOfFinger<'a>,
@@ -155,18 +180,10 @@ impl<'a> Measured<'a> {
 
     fn estimate(&self, halt: &Halt<'_>) -> Vec<(f64, ForceHypothesis)> {
         let (edges, symmetry) = distinct_edges(self.known.part);
-        let tried = if self.offset.sd > OFFSET_SURE_S { &OFFSETS_TRIED[..] } else { &OFFSETS_TRIED[..1] };
-        let leads = |sds: f64| {
-            let leads = self.at(sds, |push| push.leads(&edges, OFFSET_LEADS, halt).followed).unwrap_or_default();
-            leads.into_iter().map(move |(cost, guess)| (cost + sds * sds, sds, guess))
-        };
-        let mut begun: Vec<_> = halt.each(tried.to_vec(), leads).into_iter().flatten().collect();
-        begun.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let least = begun.first().map_or(0.0, |begun| begun.0);
-        begun.retain(|begun| begun.0 <= HOPELESS * least.max(2.0 * self.readings.len() as f64));
-        begun.truncate(LEADS);
-        let minimum = |(_, sds, guess)| Some((sds, self.at(sds, |push| push.minimum(guess, false, halt))??));
-        let minima = halt.each(begun, minimum).into_iter().flatten().collect();
+        let minimum =
+            |lead: OffsetLead| Some((lead.sds, self.at(lead.sds, |push| push.minimum(lead.guess, false, halt))??));
+        let leads = self.leads(&edges, halt);
+        let minima = halt.each(leads, minimum).into_iter().flatten().collect();
         // Only what may be listed is looked at further.
         let minima = near_best(minima, |(_, minimum): &(f64, Minimum)| minimum.place());
         let concluded = |(sds, minimum): (f64, Minimum)| {
@@ -185,6 +202,39 @@ impl<'a> Measured<'a> {
             same.map_or(0.0, |place| offsets[place])
         };
         listed.into_iter().map(|listed| (of(&listed), listed)).collect()
+    }
+
+    /// What is followed: what explains best, of any offset, and then of every edge in turn, each place once.
+    fn leads(&self, edges: &[usize], halt: &Halt<'_>) -> Vec<OffsetLead> {
+        let mut begun = self.begun(edges, halt);
+        begun.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        let least = begun.first().map_or(0.0, |begun| begun.cost);
+        begun.retain(|begun| begun.cost <= HOPELESS * least.max(2.0 * self.readings.len() as f64));
+        let mut others = begun.split_off(BEST_LEADS.min(begun.len()));
+        others.sort_by(|a, b| a.place.cmp(&b.place).then(a.cost.total_cmp(&b.cost)));
+        for next in others {
+            if begun.len() < LEADS && !begun.iter().any(|lead| lead.is_where(&next)) {
+                begun.push(next);
+            }
+        }
+        begun
+    }
+
+    /// Where searches come to, each of which takes the offset for one.
+    fn begun(&self, edges: &[usize], halt: &Halt<'_>) -> Vec<OffsetLead> {
+        let at = |sds: f64| {
+            let leads = self.at(sds, |push| push.leads(edges, OFFSET_LEADS, halt).followed).unwrap_or_default();
+            let place = |index: usize, of: &Guess| leads[..index].iter().filter(|(_, it)| it.edge == of.edge).count();
+            let lead = |(index, &(cost, guess)): (usize, &(f64, Guess))| OffsetLead {
+                sds,
+                cost: cost + sds * sds,
+                guess,
+                place: place(index, &guess),
+            };
+            leads.iter().enumerate().map(lead).collect::<Vec<_>>()
+        };
+        let tried = if self.offset.sd > OFFSET_SURE_S { &OFFSETS_TRIED[..] } else { &OFFSETS_TRIED[..1] };
+        halt.each(tried.to_vec(), |sds| Some(at(sds))).into_iter().flatten().flatten().collect()
     }
 
     /// Something of the push, the offset being taken for so many standard deviations off its best; none where the places
