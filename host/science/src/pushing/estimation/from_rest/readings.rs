@@ -307,15 +307,14 @@ impl<'a, 'p> FeltPush<'a, 'p> {
         let mut tried = search(&problem, edges, halt);
         // Where the finger cannot be, it leads nowhere.
         tried.retain(|tried| is_possible(&problem, tried));
+        let priced = |lead: Tried| (lead.cost, lead.guess);
+        let all: Vec<_> = leads_of_edges(&problem, &tried, usize::MAX).into_iter().map(priced).collect();
         let followed = if self.has_numbers() {
-            leads_of_edges(&problem, &tried, most.min(NUMBERED_LEADS))
+            all.iter().copied().take(most.min(NUMBERED_LEADS)).collect()
         } else {
-            leads(&tried, most)
+            leads(&tried, most).into_iter().map(priced).collect()
         };
-        Leads {
-            followed: followed.into_iter().map(|lead| (lead.cost, lead.guess)).collect(),
-            all: leads_of_edges(&problem, &tried, usize::MAX).into_iter().map(|lead| lead.guess).collect(),
-        }
+        Leads { followed, all: all.into_iter().map(|(_, guess)| guess).collect() }
     }
 
     /// As a guess; none of an edge that the part has not.
